@@ -1,0 +1,86 @@
+#pragma once
+#include <string>
+#include <vector>
+
+#include "alight/base/fixed_vector.h"
+#include "alight/base/result.h"
+#include "alight/geometry/camera.h"
+#include "alight/geometry/led_frame.h"
+
+namespace alight {
+
+struct Led {
+  Vector3 p_BL = Vector3::Zero();  ///< m
+  LedColor color = LedColor::none;  ///< none: any colour (infrared rigs)
+};
+
+/// The LEDs in the order of the rig file.
+struct Constellation {
+  FixedVector<Led, kMaxLeds> leds;
+
+  int size() const { return static_cast<int>(leds.size()); }
+  const Vector3& p_BL(int i) const { return leds[static_cast<std::size_t>(i)].p_BL; }
+  LedColor color(int i) const { return leds[static_cast<std::size_t>(i)].color; }
+};
+
+struct CameraTiming {
+  double rate_hz = 60;
+  double exposure_ms = 2;
+  double readout_ms = 0;        ///< Rolling shutter, first row to last; 0 is global.
+  double frame_to_use_ms = 30;  ///< From mid-exposure until the picture can be used.
+};
+
+struct DroneSpec {
+  double size_m = 0.18;
+  double mass_kg = 0.55;
+  Vector3 inertia_kg_m2{0.0018, 0.0018, 0.003};
+  double arm_m = 0.09;
+  double propeller_radius_m = 0.0381;
+  double motor_ms = 30;
+  double thrust_to_weight = 2.5;
+  double tilt_max_deg = 35;
+  double gear_height_m = 0.06;  ///< Origin of B above the pad at rest.
+};
+
+/// A box on the platform that the drone must not touch, in N.
+struct Obstacle {
+  Vector3 min_m = Vector3::Zero();
+  Vector3 max_m = Vector3::Zero();
+};
+
+struct PadSpec {
+  double size_m = 0.43;
+  double above_floor_m = 0.26;
+  std::vector<Obstacle> obstacles;
+};
+
+struct DynamicLimits {
+  double speed_m_s = 4;          ///< of v_IB
+  double acceleration_m_s2 = 8;  ///< of a_IB
+};
+
+/// What the user wrote down of camera, drone and pad (CONTRACT: Rig). The true rig
+/// differs; only the simulation knows it.
+struct Rig {
+  Camera camera;
+  CameraTiming timing;
+  Constellation leds;
+  DroneSpec drone;
+  PadSpec pad;
+  DynamicLimits limits;
+
+  /// Names the first field that is out of range, its value and its bounds.
+  Result<void> validate() const;
+};
+
+/// X_NC (optical) from the pose of the camera's housing in N: x out of the lens, y
+/// left, z up.
+Pose optical_from_housing(const Pose& X_NH);
+
+/// The inverse of optical_from_housing.
+Pose housing_from_optical(const Pose& X_NC);
+
+/// The rig of the paper's authors; config/rigs/alan.yaml says the same.
+Rig alan_rig();
+
+}  // namespace alight

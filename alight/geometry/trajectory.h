@@ -1,0 +1,31 @@
+#pragma once
+#include <array>
+
+#include "alight/base/time.h"
+#include "alight/geometry/flat_state.h"
+
+namespace alight {
+
+inline constexpr int kSegments = 2;  ///< rear space, touch-down space
+inline constexpr int kControlPoints = 8;  ///< degree 7
+
+/// Piecewise Bezier curve in N (paper, eqn:MP_Bernstein): segment k lasts durations[k]
+/// and is run through from t = 0. Control points are positions, m.
+struct Trajectory {
+  std::array<Seconds, kSegments> durations{1, 1};
+  std::array<std::array<Vector3, kControlPoints>, kSegments> c{};
+  double yaw_start = 0;  ///< rad; the heading goes over to yaw_end by a smooth step.
+  double yaw_end = 0;
+
+  Seconds duration() const { return durations[0] + durations[1]; }
+
+  /// State at `t` s after the start; clamped to the ends, at rest beyond them only if
+  /// the curve ends so.
+  FlatState at(Seconds t) const;
+};
+
+/// Value and derivatives of one Bezier segment, u in [0, 1], duration T s.
+void evaluate_bezier(const std::array<Vector3, kControlPoints>& c, double u, Seconds T,
+                     FlatState& out);
+
+}  // namespace alight

@@ -1,0 +1,41 @@
+# One room of the house: a static library from the folder's sources and, beside it, one
+# test program from its test/ folder. New files are picked up without an edit here.
+
+add_library(alight_options INTERFACE)
+target_compile_features(alight_options INTERFACE cxx_std_20)
+target_include_directories(alight_options INTERFACE
+  $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}> $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>)
+set(ALIGHT_WARNINGS -Wall -Wextra -Wshadow -Wconversion -Werror)
+# Same input, same bits: no contraction into fused operations, no fast-math.
+set(ALIGHT_FLAGS -ffp-contract=off)
+if(ALIGHT_SANITIZE)
+  list(APPEND ALIGHT_FLAGS -fsanitize=address,undefined -fno-sanitize-recover=undefined -fno-omit-frame-pointer)
+  target_link_options(alight_options INTERFACE $<BUILD_INTERFACE:-fsanitize=address,undefined>)
+endif()
+
+# alight_module(NAME [PUBLIC targets...] [PRIVATE targets...])
+function(alight_module name)
+  cmake_parse_arguments(arg "" "" "PUBLIC;PRIVATE" ${ARGN})
+  file(GLOB sources CONFIGURE_DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/*.cpp)
+  if(sources)
+    add_library(alight_${name} STATIC ${sources})
+    target_link_libraries(alight_${name} PUBLIC alight_options ${arg_PUBLIC} PRIVATE ${arg_PRIVATE})
+    target_compile_options(alight_${name} PRIVATE ${ALIGHT_WARNINGS} ${ALIGHT_FLAGS})
+  else()
+    add_library(alight_${name} INTERFACE)
+    target_link_libraries(alight_${name} INTERFACE alight_options ${arg_PUBLIC})
+  endif()
+  add_library(alight::${name} ALIAS alight_${name})
+  set_target_properties(alight_${name} PROPERTIES EXPORT_NAME ${name})
+  set_property(GLOBAL APPEND PROPERTY ALIGHT_ROOMS ${name})
+
+  file(GLOB tests CONFIGURE_DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/test/*_test.cpp)
+  if(ALIGHT_TESTS AND tests)
+    add_executable(${name}_test ${tests})
+    target_link_libraries(${name}_test PRIVATE alight::${name} GTest::gtest_main ${arg_PRIVATE})
+    target_compile_options(${name}_test PRIVATE ${ALIGHT_WARNINGS} ${ALIGHT_FLAGS})
+    target_compile_definitions(${name}_test PRIVATE ALIGHT_SOURCE_DIR="${PROJECT_SOURCE_DIR}")
+    include(GoogleTest)
+    gtest_discover_tests(${name}_test TEST_PREFIX ${name}. DISCOVERY_TIMEOUT 120)
+  endif()
+endfunction()
