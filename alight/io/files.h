@@ -1,0 +1,19 @@
+#pragma once
+#include <string>
+#include <string_view>
+
+#include "alight/base/result.h"
+
+namespace alight {
+
+/// The bytes of a file. io: "FILE: no such file", "FILE: is a folder", ...
+Result<std::string> read_file(const std::string& path);
+
+/// Writes beside `path` and renames, so that nobody ever sees half a file under its
+/// name. Missing folders are made. io when the disk or the rights refuse.
+Result<void> write_file(const std::string& path, std::string_view bytes);
+
+/// Makes a folder and its parents; an existing one is fine.
+Result<void> make_folder(const std::string& path);
+
+}  // namespace alight

@@ -1,0 +1,40 @@
+#pragma once
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "alight/base/result.h"
+#include "alight/base/time.h"
+#include "alight/geometry/pose.h"
+
+namespace alight {
+
+/// Poses with their times, in order of time. The same type as in alight/eval.
+using PoseLog = std::vector<std::pair<Time, Pose>>;
+
+/// TUM file: `t tx ty tz qx qy qz qw` a line, '#' begins a comment. Quaternions are
+/// normalized; one of norm 0 is an error, as are NaN, a wrong number of fields and time
+/// that does not advance.
+Result<PoseLog> load_tum(const std::string& path);
+
+/// Nine digits of time, so that it reads back to the nanosecond.
+std::string tum_text(const PoseLog& log);
+Result<void> save_tum(const std::string& path, const PoseLog& log);
+
+/// A log with what the program took for each frame, where the file says.
+struct RunLog {
+  PoseLog poses;
+  std::vector<double> frame_ms;  ///< As long as `poses`, or empty.
+  bool rows_match = false;       ///< Row i of estimate and truth are of one instant.
+};
+
+/// The paper's authors' CSV logs: the first line is a file name, the second the header,
+/// which has `y` twice (position and yaw) and is therefore read by place; rows end in a
+/// comma. Roll, pitch, yaw in rad; the column `ms` holds seconds. Rows may repeat an
+/// instant.
+Result<RunLog> load_authors_csv(const std::string& path);
+
+/// Either of the two, told apart by content.
+Result<RunLog> load_pose_log(const std::string& path);
+
+}  // namespace alight

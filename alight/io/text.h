@@ -1,0 +1,23 @@
+#pragma once
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace alight {
+
+/// The word of `known` with the fewest edits from `word` (insert, delete, replace, swap
+/// of neighbours); empty when none is close enough to be a slip of the keyboard.
+std::string nearest_key(std::string_view word, const std::vector<std::string>& known);
+
+/// Shortest decimal that reads back as the same double: 0.1, 415.872, 1e-09.
+std::string number_text(double value);
+
+/// The whole of `text` as a finite number; false for anything else ("1.2x", "nan", "").
+bool parse_number(std::string_view text, double& value);
+
+std::string_view trimmed(std::string_view text);
+
+/// Fields between `separator`; "a,b," has three, the last empty.
+std::vector<std::string_view> split(std::string_view text, char separator);
+
+}  // namespace alight
