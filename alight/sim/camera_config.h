@@ -1,0 +1,37 @@
+#pragma once
+#include "alight/base/result.h"
+
+namespace alight {
+
+/// How the simulated camera sees (scenario: camera). Counts are 8-bit grey levels.
+struct CameraSimConfig {
+  double exposure_ms = 0;      ///< 0: as the rig says. Brightness is linear in it.
+  double noise = 1;            ///< Scale of read and shot noise; 0 is none.
+  double dark_level = 4;       ///< Mean of the unlit picture, counts.
+  double read_noise_sd = 1.5;  ///< Counts, at noise 1.
+
+  double psf_sd_px = 0.8;  ///< Of a point.
+  double led_diameter_mm = 4;
+  double led_peak_at_1m = 1000;    ///< Of a point LED seen head on from 1 m, 2 ms.
+  double led_peak_max = 2000;      ///< What the camera's own settings hold it down to.
+  double led_half_power_deg = 60;  ///< Off the LED's axis, +x of B.
+  double led_brightness_spread = 0.15;  ///< sd of the logarithm, drawn per LED.
+  double halo = 0.03;  ///< Height of the coloured halo, share of the core.
+  double halo_sd_px = 2.2;
+  bool hidden_by_body = true;  ///< Hull, arms and propellers hide LEDs.
+
+  int lights = 40;               ///< Bright pieces of ceiling lights in the room.
+  double room_radius_m = 10;     ///< The lights lie within it of the origin of I.
+  double pad_reflectance = 0.2;  ///< Of the pad at grazing angles; 0 is matt.
+  int jpeg = 0;                  ///< Quality 1 to 100; 0 is uncompressed.
+
+  double depth_noise = 0.0063;     ///< sd of depth is this times z^2, m.
+  double depth_hole_share = 0.25;  ///< Of LED patches without depth.
+  double depth_offset_ms = 0;      ///< Capture of depth after mid-exposure of colour;
+                                   ///< who samples the scene applies it.
+
+  /// Names the first field out of range, its value and its bounds.
+  Result<void> validate() const;
+};
+
+}  // namespace alight

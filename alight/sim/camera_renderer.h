@@ -1,0 +1,75 @@
+#pragma once
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "alight/base/result.h"
+#include "alight/geometry/image.h"
+#include "alight/geometry/pose.h"
+#include "alight/geometry/rig.h"
+#include "alight/sim/camera_config.h"
+
+namespace alight {
+
+/// Where platform and drone truly are at one instant.
+struct SceneAt {
+  Pose X_IN = Pose::Identity();
+  Pose X_NB = Pose::Identity();
+};
+
+/// A colour picture that owns its pixels: interleaved blue, green, red.
+struct ColorBuffer {
+  std::vector<std::uint8_t> pixels;
+  int width = 0;
+  int height = 0;
+
+  ImageView view() const {
+    return {pixels.data(), width, height, 3, static_cast<std::ptrdiff_t>(width) * 3};
+  }
+};
+
+/// A depth picture that owns its pixels, mm along the optical axis, 0 is unknown.
+struct DepthBuffer {
+  std::vector<std::uint16_t> pixels;
+  int width = 0;
+  int height = 0;
+
+  DepthView view() const { return {pixels.data(), width, height, width}; }
+};
+
+/// A platform camera that sees LEDs, ceiling lights and mirror images in the pad as a
+/// real sensor does: point spread, motion blur, saturation with coloured halo, shot and
+/// read noise, JPEG; and a stereo depth picture aligned with it.
+///
+/// The pixels depend on the seed, the frame index and the scene alone, never on what
+/// was rendered before.
+class CameraRenderer {
+ public:
+  /// @param true_rig Lens, mount and LEDs as they are, not as the rig file says.
+  /// @returns invalid_config, naming the field.
+  static Result<CameraRenderer> create(const CameraSimConfig& config,
+                                       const Rig& true_rig, std::uint64_t seed);
+  ~CameraRenderer();
+  CameraRenderer(CameraRenderer&&) noexcept;
+  CameraRenderer& operator=(CameraRenderer&&) noexcept;
+
+  /// Renders one frame; the buffers are resized on first use and reused after.
+  ///
+  /// @param exposure    Instants at an even pace from the begin to the end of the
+  ///                    exposure, at least 1, at most 8; 2 blur along a straight line.
+  /// @param depth       May be null.
+  /// @param depth_scene When depth is captured; null: with the middle of the colour.
+  /// @returns invalid_input when a pose is not finite or the number of instants is off;
+  ///          the buffers are then untouched.
+  Result<void> render(std::uint64_t frame_index, std::span<const SceneAt> exposure,
+                      ColorBuffer& color, DepthBuffer* depth = nullptr,
+                      const SceneAt* depth_scene = nullptr);
+
+ private:
+  struct Parts;
+  explicit CameraRenderer(std::unique_ptr<Parts> parts);
+  std::unique_ptr<Parts> parts_;
+};
+
+}  // namespace alight
