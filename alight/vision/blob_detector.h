@@ -1,0 +1,80 @@
+#pragma once
+#include <vector>
+
+#include "alight/base/result.h"
+#include "alight/vision/blob.h"
+
+namespace alight {
+
+struct BlobDetectorConfig {
+  /// tau_gy of eqn:RSE_thres, 0 to 254. Grey is the brightest channel, so that a blue
+  /// or red LED counts as much as a green one.
+  int grey_threshold = 60;
+  /// tau_dp of eqn:RSE_thres, m: farther pixels are dark; 0 switches it off. Pixels of
+  /// unknown depth stay.
+  double depth_threshold_m = 0;
+  /// Smooths before blobs are formed (paper). A 3 x 3 kernel leaves the centroid of the
+  /// light where it is and joins patches up to two dark pixels apart, so the joining is
+  /// all that is computed.
+  bool smooth = false;
+  double area_min_px = 1;
+  double area_max_px = 4000;
+  int color_margin_px = 2;     ///< How far around the patch its hue is looked for.
+  double color_chroma_min = 0.2;  ///< (max - min) / max of the halo; white below.
+  double centroid_sd_min_px = 0.05;
+
+  Result<void> validate() const;
+};
+
+/// Finds bright patches in one pass over the picture (paper, eqn:RSE_thres): runs of
+/// bright pixels, joined row by row with a union-find.
+///
+/// No allocation after `create`. What lies outside the region of interest (plus
+/// color_margin_px for the hue) has no influence.
+class BlobDetector {
+ public:
+  static Result<BlobDetector> create(const BlobDetectorConfig& config, int width,
+                                     int height);
+
+  /// Blobs of a grey or BGR picture. `depth` may be empty; an empty `roi` is the whole
+  /// picture, one that hangs over the edge is cut.
+  /// @returns invalid_input for another size, number of channels or a null picture;
+  ///          degenerate when the picture is so bright that it falls into more patches
+  ///          than can be told apart. Of more than kMaxBlobs blobs the largest stay.
+  Result<BlobSpan> detect(const ImageView& image, const DepthView& depth = {},
+                          const Roi& roi = {});
+
+  const BlobDetectorConfig& config() const { return config_; }
+
+ private:
+  BlobDetector(const BlobDetectorConfig& config, int width, int height);
+
+  struct Run {
+    int u0, u1, v, part;
+  };
+  /// Sums over one patch, relative to its first pixel.
+  struct Part {
+    int parent;
+    int u0, v0, u1, v1;
+    int u_ref, v_ref;
+    int area, peak;
+    double w, wu, wv, wuu, wuv, wvv;
+  };
+
+  int root(int part);
+  int join(int a, int b);
+  bool scan_row(const ImageView& image, const DepthView& depth, const Roi& roi, int v);
+  bool add_run(const ImageView& image, int v, int u0, int u1);
+  Blob finish(const Part& part, const ImageView& image, const DepthView& depth,
+              const Roi& roi) const;
+  LedColor hue(const Part& part, const ImageView& image, const Roi& roi) const;
+
+  BlobDetectorConfig config_;
+  int width_, height_;
+  std::vector<Run> runs_;
+  std::vector<int> row_begin_;  ///< Of the rows still in reach: first run.
+  std::vector<Part> parts_;
+  std::vector<Blob> blobs_;
+};
+
+}  // namespace alight

@@ -1,0 +1,78 @@
+#pragma once
+#include <memory>
+
+#include "alight/vision/blob_detector.h"
+#include "alight/vision/pose_from_leds.h"
+
+namespace alight {
+
+struct LedFinderConfig {
+  enum class Profile {
+    standard,  ///< Strays, missing and merged LEDs, colour or not.
+    paper      ///< algo:RSE_INIT: as many blobs as LEDs, MAD test, all orders, EPnP.
+  };
+  Profile profile = Profile::standard;
+  bool use_color = true;
+  // Where a drone can be: the search knows nothing else of it.
+  double range_min_m = 0.2;      ///< From the lens.
+  double range_max_m = 6;
+  double tilt_max_deg = 60;      ///< Of B's z axis from N's.
+  double facing_max_deg = 90;    ///< Between the LEDs' side of the drone and the lens,
+                                 ///< in the horizontal plane; 180 switches it off.
+  // When an answer is taken.
+  double rms_max_px = 2;
+  double led_sd_m = 0.001;       ///< How well LED positions are known, per axis.
+  double centroid_sd_px = 0.2;   ///< Added to the blobs' own, for what noise leaves out.
+  double merge_px = 5;           ///< LEDs whose images are closer may share a blob.
+  double missing_cost = 12;      ///< chi^2 charged for an LED not seen.
+  double runner_up_margin = 8;   ///< chi^2 by which the answer must beat its rival.
+  int hypotheses_max = 400000;   ///< Bound on the work for one picture.
+  double mad_limit_m = 0.1;      ///< paper: lambda_MAD of eqn:RSE_mad.
+
+  Result<void> validate() const;
+};
+
+/// LEDs found without a prior.
+struct FoundLeds {
+  LedFrame frame;
+  PoseFit fit;
+  double score = 0;            ///< chi^2 with the cost of LEDs not seen.
+  double runner_up_score = 0;  ///< Of the best rival pose.
+};
+
+/// Solves correspondence and pose at once from the blobs of one picture (paper:
+/// initialization).
+class LedFinder {
+ public:
+  static Result<LedFinder> create(const LedFinderConfig& config, const Camera& camera,
+                                  const Constellation& leds);
+  LedFinder(LedFinder&&) noexcept;
+  LedFinder& operator=(LedFinder&&) noexcept;
+  ~LedFinder();
+
+  /// @returns too_few_points (no pose explains enough LEDs), ambiguous (two do about
+  ///          equally well); paper: too_few_points when blobs and LEDs differ in
+  ///          number, degenerate when the MAD test fails.
+  Result<FoundLeds> find(BlobSpan blobs, Time t = 0);
+
+ private:
+  struct Search;
+  explicit LedFinder(std::unique_ptr<Search> search);
+  std::unique_ptr<Search> search_;
+};
+
+/// Everything one picture says: for `alight detect`.
+struct DetectResult {
+  std::vector<Blob> blobs;
+  Result<FoundLeds> found = fail(Fault::too_few_points);
+};
+
+/// Detects and finds in one picture, on its own.
+/// @returns the configs' complaint, or invalid_input of the picture. That no pose is
+///          there is told in `found`.
+Result<DetectResult> detect_once(const Rig& rig, const ImageView& image,
+                                 const DepthView& depth = {},
+                                 const BlobDetectorConfig& blob_config = {},
+                                 const LedFinderConfig& finder_config = {});
+
+}  // namespace alight

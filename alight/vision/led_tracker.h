@@ -1,0 +1,56 @@
+#pragma once
+#include "alight/vision/blob.h"
+#include "alight/vision/pose_from_leds.h"
+
+namespace alight {
+
+struct LedTrackerConfig {
+  enum class Profile {
+    standard,
+    paper  ///< Shift by the difference of the centres, then the nearest neighbour.
+  };
+  Profile profile = Profile::standard;
+  bool use_color = true;
+  double shift_sd_px = 6;       ///< Common displacement beyond what `cov` says.
+  double scale_sd = 0.06;       ///< Error of the predicted size of the constellation.
+  double turn_sd_deg = 3;       ///< Error of the predicted rotation in the picture.
+  double gate_sd = 3;           ///< How many of each are looked for.
+  double match_px = 3;          ///< Residual up to which a blob is an LED's, plus
+  double match_share = 0.03;    ///< this share of the constellation's size in px.
+  double merge_px = 5;          ///< LEDs whose images are closer may share a blob.
+  double merged_imbalance = 0.15;  ///< sd of the weight of one LED in a merged blob.
+  double roi_margin_px = 12;
+  double paper_gate_px = 20;    ///< paper: farther neighbours are none.
+
+  Result<void> validate() const;
+};
+
+/// Follows the LEDs from a predicted pose (paper: correspondence tracking). Stateless:
+/// the same call gives the same answer.
+class LedTracker {
+ public:
+  static Result<LedTracker> create(const LedTrackerConfig& config, const Camera& camera,
+                                   const Constellation& leds);
+
+  /// Which blob shows which LED. Never more than one observation a LED; an LED that is
+  /// not seen is missing from the answer, which may be empty.
+  /// @param cov  Of (dp_NB, dR in B) of the prediction.
+  LedFrame track(BlobSpan blobs, const Pose& X_NB_predicted, const Matrix6& cov,
+                 Time t = 0) const;
+
+  /// Part of the picture that holds the LEDs; empty when the prediction lies outside.
+  Roi roi(const Pose& X_NB_predicted, const Matrix6& cov) const;
+
+ private:
+  LedTracker(const LedTrackerConfig& config, const Camera& camera,
+             const Constellation& leds)
+      : config_(config), camera_(camera), leds_(leds) {}
+
+  LedFrame track_paper(BlobSpan blobs, const Pose& X_NB, Time t) const;
+
+  LedTrackerConfig config_;
+  Camera camera_;
+  Constellation leds_;
+};
+
+}  // namespace alight
