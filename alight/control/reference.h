@@ -1,4 +1,6 @@
 #pragma once
+#include <Eigen/Core>
+
 #include "alight/base/time.h"
 #include "alight/geometry/flat_state.h"
 
@@ -39,7 +41,7 @@ class PointToPoint {
   Vector3 to_ = Vector3::Zero();
   double to_yaw_ = 0;
   Eigen::Matrix<double, 3, 6> c_ = Eigen::Matrix<double, 3, 6>::Zero();  // of t^k
-  double yaw_c_[6] = {0, 0, 0, 0, 0, 0};
+  Eigen::Matrix<double, 1, 6> yaw_c_ = Eigen::Matrix<double, 1, 6>::Zero();
 };
 
 }  // namespace alight

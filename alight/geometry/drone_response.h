@@ -104,7 +104,9 @@ class DroneResponse {
   const Sent* in_force(Time t, Time delay) const;
   Time next_change(Time t, Time delay) const;
   void step(State& x, Time t, Time until) const;
+  Vector3 velocity_loop(State& x, const Setpoint& setpoint, Seconds dt) const;
   void cut(Time t);
+  State& restart_after(Time t);
 
   DroneResponseConfig config_;
   Time delay_;
