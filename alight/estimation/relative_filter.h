@@ -1,0 +1,105 @@
+#pragma once
+#include <Eigen/Core>
+#include <algorithm>
+
+#include "alight/base/result.h"
+#include "alight/estimation/motion_model.h"
+#include "alight/estimation/relative_filter_config.h"
+#include "alight/estimation/update_report.h"
+#include "alight/geometry/rig.h"
+
+namespace alight {
+
+/// Tracks x = (p, R, v) of the drone in N from the images of its LEDs: iterated EKF on
+/// R3 x SO(3) x R3 (paper, eqn:RSE_predict1..7, eqn:IEKF_GN). No clock, no allocation
+/// after `create`. The state stays finite whatever comes in.
+///
+/// Use: reset() from an initialization; then, for each picture, predict_to(frame.t) and
+/// update(frame). To know the state at another time without touching the filter, call
+/// extrapolate(filter.motion_state(), ...).
+class RelativeFilter {
+ public:
+  /// invalid_config, or too_few_points for a constellation of less than three LEDs.
+  static Result<RelativeFilter> create(const RelativeFilterConfig& config,
+                                       const Camera& camera,
+                                       const Constellation& leds);
+
+  /// Begins anew; the disturbance is forgotten unless it is given.
+  /// @pre everything finite, R_NB a rotation, covariance positive definite.
+  void reset(Time t, const RelativeState& x, const Covariance9& covariance,
+             const Vector3& d_N = Vector3::Zero());
+  bool initialized() const { return initialized_; }
+
+  /// Forgets the state: initialized() is false until the next reset().
+  void stop() { initialized_ = false; }
+
+  /// Carries the state to `t` with one input, constant since time().
+  /// @returns invalid_input, and nothing changed: not initialized, t before time(),
+  ///          more than a minute ahead, input not finite. t == time() is no error.
+  Result<void> predict_to(Time t, const PredictionInput& input);
+
+  /// As above in steps of at most `step` ns; `input_at(Time)` gives the PredictionInput
+  /// that holds from that time on.
+  template <class InputAt>
+  Result<void> predict_through(Time t, Time step, InputAt&& input_at) {
+    do {
+      const Time next = std::min(t, time_ + step);
+      const auto done = predict_to(next, input_at(time_));
+      if (!done) return done;
+    } while (time_ < t);
+    return {};
+  }
+
+  /// Fuses the correspondences of a picture taken at time(). On failure the prediction
+  /// stands:
+  ///   invalid_input   not initialized, frame.t is not time() (late, repeated, early)
+  ///   too_few_points  fewer than min_observations of use
+  ///   ambiguous       more than half of the observations are improbable: picture and
+  ///                   prediction contradict each other; initialize again if it lasts
+  ///   no_convergence  the picture cannot be explained near the prediction
+  Result<UpdateReport> update(const LedFrame& frame);
+
+  Time time() const { return time_; }
+  const RelativeState& state() const { return state_.x; }
+  const MotionState& motion_state() const { return state_; }
+  /// Acceleration the inputs do not explain, in N, m/s^2.
+  Vector3 disturbance_N() const { return state_.d_N; }
+
+  /// Of state() against the truth: the filter's own and the share of the rig's constant
+  /// errors (LEDs, mount, focal length), which stays however long one looks.
+  Covariance9 covariance() const;
+  /// Without the rig's constant share: how far the state may move from one picture to
+  /// the next. For search windows, guards and the autopilot's own estimator.
+  Covariance9 tracking_covariance() const { return P_.topLeftCorner<9, 9>(); }
+
+  /// From tracking_covariance: largest over directions, m; about z of N, rad; largest
+  /// over directions, m/s.
+  double position_sd() const;
+  double yaw_sd() const;
+  double velocity_sd() const;
+
+ private:
+  RelativeFilter(const RelativeFilterConfig& config, const Camera& camera,
+                 const Constellation& leds);
+  void learn_velocity(Time t, const Vector3& p_NB);
+
+  RelativeFilterConfig config_;
+  Camera camera_;
+  Constellation leds_;
+
+  bool initialized_ = false;
+  Time time_ = 0;
+  MotionState state_;
+  Matrix12 P_ = Matrix12::Zero();
+  // First-order error of the state by the constant displacement of each LED (3 columns
+  // each), carried along as the filter carries errors (Schmidt 1966, consider states).
+  Eigen::Matrix<double, 12, Eigen::Dynamic, 0, 12, 3 * kMaxLeds> led_bias_;
+
+  // The paper's velocity measurement.
+  int positions_known_ = 0;
+  Time last_update_ = 0;
+  Vector3 last_p_NB_ = Vector3::Zero();
+  Vector3 measured_v_NB_ = Vector3::Zero();
+};
+
+}  // namespace alight

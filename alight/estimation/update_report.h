@@ -1,0 +1,27 @@
+#pragma once
+#include "alight/base/fixed_vector.h"
+#include "alight/geometry/led_frame.h"
+
+namespace alight {
+
+/// What the filter made of one observation.
+struct ObservationReport {
+  std::uint16_t leds = 0;
+  Vector2 uv = Vector2::Zero();
+  Vector2 residual_px = Vector2::Zero();  ///< Measured less predicted after the update.
+  double nis = 0;  ///< Of the innovation, 2 degrees of freedom; before the update.
+};
+
+/// What the filter made of one picture.
+struct UpdateReport {
+  int iterations = 0;
+  bool converged = false;   ///< The last step was below the tolerance.
+  int used = 0;             ///< Observations that took part.
+  int gated = 0;            ///< Too improbable.
+  int malformed = 0;        ///< NaN, no covariance, unknown LED.
+  double reprojection_px = 0;  ///< Root mean square distance, used ones, after.
+  FixedVector<ObservationReport, kMaxLeds> seen;  ///< Those used.
+  FixedVector<RefusedBlob, kMaxRefused> refused;  ///< Those not: Refusal::gated.
+};
+
+}  // namespace alight
