@@ -1,4 +1,7 @@
 #pragma once
+#include <array>
+#include <cstdint>
+
 #include "alight/base/result.h"
 #include "alight/base/time.h"
 #include "alight/geometry/sensor_events.h"
@@ -47,18 +50,31 @@ class PlatformTracker {
   std::uint32_t resets() const { return resets_; }
 
  private:
-  void restart(const PlatformOdometry& odometry);
+  struct Fused {
+    Time t = 0;
+    Pose X_IN = Pose::Identity();
+    Vector3 v_N = Vector3::Zero();
+    Vector3 w_N = Vector3::Zero();
+    Vector3 dv_N = Vector3::Zero();  ///< Change of the components of v_N, m/s^2.
+    Vector3 dw_N = Vector3::Zero();
+  };
+  PlatformState predicted(const Fused& from, Time t) const;
+  const Fused& newest() const { return history_[(count_ - 1) % kHistory]; }
+
+  static constexpr std::uint64_t kHistory = 32;
 
   PlatformTrackerConfig config_;
-  PlatformState state_;  ///< Filtered, at the newest odometry's capture.
+  std::array<Fused, kHistory> history_{};
+  std::uint64_t count_ = 0;  ///< Events fused.
+  std::uint64_t first_ = 0;  ///< The oldest one still of use: later than the last jump.
   std::uint32_t announced_ = 0;
   std::uint32_t resets_ = 0;
-  std::uint64_t count_ = 0;
+
   bool has_imu_ = false;
-  PlatformImu imu_;                           ///< The newest.
-  Vector3 imu_w_IN_N_ = Vector3::Zero();      ///< Filtered.
-  Vector3 imu_alpha_IN_N_ = Vector3::Zero();  ///< Filtered.
-  Vector3 imu_f_N_ = Vector3::Zero();         ///< Filtered.
+  Time imu_t_ = 0;
+  Vector3 imu_w_N_ = Vector3::Zero();  ///< Filtered, as the next two.
+  Vector3 imu_dw_N_ = Vector3::Zero();
+  Vector3 imu_f_N_ = Vector3::Zero();
 };
 
 }  // namespace alight

@@ -1,0 +1,175 @@
+#include "alight/platform/platform_tracker.h"
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+#include <limits>
+#include <sstream>
+
+namespace alight {
+namespace {
+
+constexpr double kImuFresh = 0.1;       ///< s; an older IMU says nothing about now.
+constexpr double kJumpPosition = 0.15;  ///< m; more than any motion between two events.
+constexpr double kJumpAngle = 0.15;     ///< rad
+constexpr double kFadeAcceleration =
+    0.3;  ///< s; a change of speed is not kept up longer.
+
+double gain(double dt, double tau) { return 1 - std::exp(-dt / tau); }
+
+/// Alpha-beta filter (Kalata 1984, "The tracking index") of one vector and its rate.
+void alpha_beta(Vector3& x, Vector3& rate, const Vector3& measured, double dt,
+                double tau, double tau_rate) {
+  const Vector3 ahead = x + rate * dt;
+  const Vector3 innovation = measured - ahead;
+  const double alpha = gain(dt, tau);
+  x = ahead + alpha * innovation;
+  rate += alpha * gain(dt, tau_rate) / dt * innovation;
+}
+
+bool is_rotation(const Matrix3& R) {
+  return (R.transpose() * R).isIdentity(1e-6) && R.determinant() > 0;
+}
+
+}  // namespace
+
+Result<void> PlatformTrackerConfig::validate() const {
+  const struct {
+    const char* name;
+    double value, low, high;
+  } fields[] = {
+      {"velocity_tau_s", velocity_tau_s, 1e-3, 5},
+      {"yaw_rate_tau_s", yaw_rate_tau_s, 1e-3, 5},
+      {"acceleration_tau_s", acceleration_tau_s, 1e-3, 5},
+      {"stale_after_s", stale_after_s, 0.01, 10},
+      {"predict_max_s", predict_max_s, 0.01, 10},
+      {"gap_max_s", gap_max_s, 0.01, 10},
+  };
+  for (const auto& field : fields) {
+    if (field.value >= field.low && field.value <= field.high) continue;
+    std::ostringstream text;
+    text << field.name << " is " << field.value << ", must lie in [" << field.low
+         << ", " << field.high << "]";
+    return fail(Fault::invalid_config, text.str());
+  }
+  return {};
+}
+
+PlatformTracker::PlatformTracker(const PlatformTrackerConfig& config)
+    : config_(config) {
+  assert(config.validate());
+}
+
+bool PlatformTracker::add(const PlatformOdometry& odometry) {
+  if (!odometry.X_IN.matrix().allFinite() || !is_rotation(odometry.X_IN.linear()) ||
+      !odometry.v_IN_N.allFinite() || !odometry.w_IN_N.allFinite()) {
+    return false;
+  }
+  if (count_ > 0 && odometry.captured <= newest().t) return false;
+
+  Fused next{odometry.captured, odometry.X_IN,   odometry.v_IN_N,
+             odometry.w_IN_N,   Vector3::Zero(), Vector3::Zero()};
+  if (count_ > 0) {
+    const Fused& last = newest();
+    const double dt = to_seconds(odometry.captured - last.t);
+    if (dt <= config_.gap_max_s) {
+      next.v_N = last.v_N;
+      next.dv_N = last.dv_N;
+      next.w_N = last.w_N;
+      next.dw_N = last.dw_N;
+      alpha_beta(next.v_N, next.dv_N, odometry.v_IN_N, dt, config_.velocity_tau_s,
+                 config_.acceleration_tau_s);
+      alpha_beta(next.w_N, next.dw_N, odometry.w_IN_N, dt, config_.yaw_rate_tau_s,
+                 config_.acceleration_tau_s);
+    }
+    const Pose expected = predicted(last, odometry.captured).X_IN;
+    // After a gap the vehicle may have gone anywhere its speed allows.
+    const double slack = dt > config_.gap_max_s ? dt : 0;
+    const bool jumped = (odometry.X_IN.translation() - expected.translation()).norm() >
+                            kJumpPosition + slack * (1 + odometry.v_IN_N.norm()) ||
+                        angle_between(odometry.X_IN.linear(), expected.linear()) >
+                            kJumpAngle + slack * (1 + odometry.w_IN_N.norm());
+    if (jumped || odometry.resets != announced_) {
+      ++resets_;
+      first_ = count_;
+    }
+  }
+  announced_ = odometry.resets;
+  history_[count_ % kHistory] = next;
+  ++count_;
+  if (count_ - first_ > kHistory) first_ = count_ - kHistory;
+  return true;
+}
+
+bool PlatformTracker::add(const PlatformImu& imu) {
+  if (!imu.f_N.allFinite() || !imu.w_IN_N.allFinite()) return false;
+  if (has_imu_ && imu.captured <= imu_t_) return false;
+  const double dt = has_imu_ ? to_seconds(imu.captured - imu_t_) : 0;
+  if (!has_imu_ || dt > config_.gap_max_s) {
+    imu_w_N_ = imu.w_IN_N;
+    imu_dw_N_.setZero();
+    imu_f_N_ = imu.f_N;
+  } else {
+    alpha_beta(imu_w_N_, imu_dw_N_, imu.w_IN_N, dt, config_.yaw_rate_tau_s,
+               config_.acceleration_tau_s);
+    imu_f_N_ += gain(dt, config_.acceleration_tau_s) * (imu.f_N - imu_f_N_);
+  }
+  has_imu_ = true;
+  imu_t_ = imu.captured;
+  return true;
+}
+
+Seconds PlatformTracker::age(Time now) const {
+  if (count_ == 0) return std::numeric_limits<double>::infinity();
+  return to_seconds(now - newest().t);
+}
+
+PlatformState PlatformTracker::at(Time t) const {
+  if (count_ == 0) {
+    PlatformState still;
+    still.t = t;
+    return still;
+  }
+  std::uint64_t k = count_ - 1;
+  while (k > first_ && history_[k % kHistory].t > t) --k;
+  PlatformState state = predicted(history_[k % kHistory], t);
+
+  if (has_imu_ && std::abs(to_seconds(t - imu_t_)) < kImuFresh) {
+    state.w_IN_N = imu_w_N_ + imu_dw_N_ * to_seconds(t - imu_t_);
+    state.alpha_IN_N = imu_dw_N_;
+    state.a_IN_N = imu_f_N_ + gravity_N(state);
+  }
+  return state;
+}
+
+PlatformState PlatformTracker::predicted(const Fused& from, Time t) const {
+  const double wanted = to_seconds(t - from.t);
+  const double dt = std::clamp(wanted, -config_.predict_max_s, config_.predict_max_s);
+  // A change of speed fades: v(dt) = v + dv tau (1 - exp(-dt / tau)), and its mean.
+  const double tau = kFadeAcceleration;
+  const double span = std::abs(dt);
+  const double faded = tau * (1 - std::exp(-span / tau));
+  const double sign = dt < 0 ? -1 : 1;
+  const double mean = span > 1e-9 ? tau * (1 - faded / span) : 0;
+
+  PlatformState state;
+  state.X_IN = from.X_IN;
+  state.v_IN_N = from.v_N + sign * mean * from.dv_N;
+  state.w_IN_N = from.w_N + sign * mean * from.dw_N;
+  state = predict(state, dt);
+  state.t = t;
+  if (dt != wanted) {
+    state.v_IN_N.setZero();
+    state.w_IN_N.setZero();
+    return state;
+  }
+  const double left = std::exp(-span / tau);
+  state.v_IN_N = from.v_N + sign * faded * from.dv_N;
+  state.w_IN_N = from.w_N + sign * faded * from.dw_N;
+  state.alpha_IN_N = left * from.dw_N;
+  // Derivative of v in I: of its components in N, and of N itself.
+  state.a_IN_N = left * from.dv_N + state.w_IN_N.cross(state.v_IN_N);
+  return state;
+}
+
+}  // namespace alight
