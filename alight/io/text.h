@@ -15,6 +15,9 @@ std::string number_text(double value);
 /// The whole of `text` as a finite number; false for anything else ("1.2x", "nan", "").
 bool parse_number(std::string_view text, double& value);
 
+/// 'text'
+std::string quoted(std::string_view text);
+
 std::string_view trimmed(std::string_view text);
 
 /// Fields between `separator`; "a,b," has three, the last empty.

@@ -1,0 +1,63 @@
+#include "alight/io/files.h"
+
+#include <unistd.h>
+
+#include <atomic>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+
+namespace alight {
+namespace fs = std::filesystem;
+
+Result<std::string> read_file(const std::string& path) {
+  std::error_code code;
+  const fs::file_status status = fs::status(path, code);
+  if (status.type() == fs::file_type::not_found) {
+    return fail(Fault::io, path + ": no such file");
+  }
+  if (code) return fail(Fault::io, path + ": " + code.message());
+  if (fs::is_directory(status)) {
+    return fail(Fault::io, path + ": is a folder, a file is needed");
+  }
+  std::ifstream in(path, std::ios::binary);
+  std::ostringstream bytes;
+  if (in && in.peek() != std::ifstream::traits_type::eof()) bytes << in.rdbuf();
+  if (in.bad() || !in.is_open()) return fail(Fault::io, path + ": cannot be read");
+  return bytes.str();
+}
+
+Result<void> write_file(const std::string& path, std::string_view bytes) {
+  const fs::path target(path);
+  if (target.has_parent_path()) {
+    if (auto made = make_folder(target.parent_path().string()); !made) return made;
+  }
+  // Two writers of one file must not share the temporary one.
+  static std::atomic<unsigned> serial{0};
+  const std::string temporary = path + ".part" + std::to_string(getpid()) + "." +
+                                std::to_string(serial.fetch_add(1));
+  std::ofstream out(temporary, std::ios::binary | std::ios::trunc);
+  out.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+  out.close();
+  std::error_code code;
+  if (out) fs::rename(temporary, target, code);
+  if (!out || code) {
+    std::error_code ignored;
+    fs::remove(temporary, ignored);
+    return fail(Fault::io, path + ": cannot be written" +
+                               (code ? ": " + code.message() : std::string()));
+  }
+  return {};
+}
+
+Result<void> make_folder(const std::string& path) {
+  std::error_code code;
+  fs::create_directories(path, code);
+  if (!fs::is_directory(path)) {
+    return fail(Fault::io, path + ": cannot be made a folder" +
+                               (code ? ": " + code.message() : std::string()));
+  }
+  return {};
+}
+
+}  // namespace alight

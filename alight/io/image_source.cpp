@@ -1,0 +1,284 @@
+#include "alight/io/image_source.h"
+
+#include <algorithm>
+#include <cctype>
+#include <filesystem>
+#include <opencv2/videoio.hpp>
+#include <optional>
+
+#include "alight/io/files.h"
+#include "alight/io/text.h"
+
+namespace alight {
+namespace fs = std::filesystem;
+namespace {
+
+struct Entry {
+  Time t = 0;
+  std::string file;
+  std::string depth_file;
+};
+
+std::string lower(std::string text) {
+  for (char& c : text)
+    c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  return text;
+}
+
+bool has_extension(const fs::path& path, std::initializer_list<const char*> known) {
+  const std::string ending = lower(path.extension().string());
+  return std::any_of(known.begin(), known.end(),
+                     [&](const char* one) { return ending == one; });
+}
+bool is_picture(const fs::path& path) {
+  return has_extension(path, {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff"});
+}
+
+/// As people count: frame2 before frame10.
+bool before(const std::string& a, const std::string& b) {
+  const auto digit = [](char c) { return c >= '0' && c <= '9'; };
+  std::size_t i = 0;
+  std::size_t j = 0;
+  while (i < a.size() && j < b.size()) {
+    if (!digit(a[i]) || !digit(b[j])) {
+      if (a[i] != b[j]) return a[i] < b[j];
+      ++i;
+      ++j;
+      continue;
+    }
+    std::size_t i_end = i;
+    std::size_t j_end = j;
+    while (i_end < a.size() && digit(a[i_end])) ++i_end;
+    while (j_end < b.size() && digit(b[j_end])) ++j_end;
+    while (i + 1 < i_end && a[i] == '0') ++i;
+    while (j + 1 < j_end && b[j] == '0') ++j;
+    if (i_end - i != j_end - j) return i_end - i < j_end - j;
+    const int order = a.compare(i, i_end - i, b, j, j_end - j);
+    if (order != 0) return order < 0;
+    i = i_end;
+    j = j_end;
+  }
+  if ((i < a.size()) != (j < b.size())) return j < b.size();
+  return a < b;
+}
+
+Result<std::vector<Entry>> list_folder(const std::string& path, double rate_hz) {
+  std::vector<std::string> names;
+  std::error_code code;
+  for (fs::directory_iterator it(path, code), end; !code && it != end;
+       it.increment(code)) {
+    if (is_picture(it->path()) && it->is_regular_file(code)) {
+      names.push_back(it->path().filename().string());
+    }
+  }
+  if (code) return fail(Fault::io, path + ": " + code.message());
+  if (names.empty()) {
+    return fail(Fault::io, path + ": holds neither frames.csv nor pictures");
+  }
+  std::sort(names.begin(), names.end(), before);
+  std::vector<Entry> entries;
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    entries.push_back({from_seconds(static_cast<double>(i) / rate_hz),
+                       (fs::path(path) / names[i]).string(),
+                       {}});
+  }
+  return entries;
+}
+
+int column_of(const std::vector<std::string_view>& header, std::string_view name) {
+  for (std::size_t i = 0; i < header.size(); ++i) {
+    if (trimmed(header[i]) == name) return static_cast<int>(i);
+  }
+  return -1;
+}
+
+Result<std::vector<Entry>> read_list(const std::string& folder) {
+  const std::string path = (fs::path(folder) / "frames.csv").string();
+  const auto text = read_file(path);
+  if (!text) return fail(text.error());
+  int number = 0;
+  const auto wrong = [&](const std::string& what) {
+    return fail(Fault::invalid_input,
+                path + ":" + std::to_string(number) + ": " + what);
+  };
+  std::vector<Entry> entries;
+  int t_column = -1;
+  int file_column = -1;
+  int depth_column = -1;
+  std::size_t columns = 0;
+  for (std::string_view line : split(*text, '\n')) {
+    ++number;
+    line = trimmed(line);
+    if (number == 1) {
+      if (line.substr(0, 3) == "\xEF\xBB\xBF") line.remove_prefix(3);
+      const auto header = split(line, ',');
+      columns = header.size();
+      t_column = column_of(header, "t");
+      file_column = column_of(header, "file");
+      depth_column = column_of(header, "depth_file");
+      if (t_column < 0 || file_column < 0) {
+        return wrong(std::string("the header lacks the column ") +
+                     (t_column < 0 ? "t" : "file") +
+                     ", it should be t,file[,depth_file]");
+      }
+      continue;
+    }
+    if (line.empty()) continue;
+    const auto fields = split(line, ',');
+    if (fields.size() != columns) {
+      return wrong("found " + std::to_string(fields.size()) +
+                   " fields, the header has " + std::to_string(columns));
+    }
+    const auto field = [&](int column) {
+      return trimmed(fields[static_cast<std::size_t>(column)]);
+    };
+    Entry entry;
+    double t = 0;
+    if (!parse_number(field(t_column), t)) {
+      return wrong("t must be a finite number, found " + quoted(field(t_column)));
+    }
+    entry.t = from_seconds(t);
+    if (!entries.empty() && entry.t <= entries.back().t) {
+      return wrong("t must grow from line to line, found " +
+                   std::string(field(t_column)) + " after " +
+                   number_text(to_seconds(entries.back().t)));
+    }
+    const auto place = [&](int column, std::string& file) -> bool {
+      if (column < 0 || field(column).empty()) return true;
+      file = (fs::path(folder) / field(column)).string();
+      return fs::is_regular_file(file);
+    };
+    if (field(file_column).empty()) return wrong("the field file is empty");
+    if (!place(file_column, entry.file)) return wrong(entry.file + ": no such file");
+    if (!place(depth_column, entry.depth_file)) {
+      return wrong(entry.depth_file + ": no such file");
+    }
+    entries.push_back(std::move(entry));
+  }
+  if (entries.empty()) {
+    return fail(Fault::invalid_input, path + ": lists no pictures");
+  }
+  return entries;
+}
+
+std::string size_text(int width, int height) {
+  return std::to_string(width) + "x" + std::to_string(height);
+}
+
+}  // namespace
+
+struct ImageSource::State {
+  std::string path;
+  int width = 0;
+  int height = 0;
+  double rate_hz = 60;
+  std::vector<Entry> entries;
+  std::optional<cv::VideoCapture> video;
+  int video_count = 0;
+  std::size_t next = 0;
+
+  Result<void> check_size(const std::string& name, int w, int h) const {
+    if (w == width && h == height) return {};
+    return fail(Fault::invalid_input, name + ": is " + size_text(w, h) +
+                                          ", the rig's camera gives " +
+                                          size_text(width, height));
+  }
+  Result<bool> next_video(SourceFrame& frame);
+  Result<bool> next_file(SourceFrame& frame);
+};
+
+ImageSource::ImageSource(std::unique_ptr<State> state) : state_(std::move(state)) {}
+ImageSource::ImageSource(ImageSource&&) noexcept = default;
+ImageSource& ImageSource::operator=(ImageSource&&) noexcept = default;
+ImageSource::~ImageSource() = default;
+
+Result<ImageSource> ImageSource::open(const std::string& path, const Rig& rig) {
+  auto state = std::make_unique<State>();
+  state->path = path;
+  state->width = rig.camera.intrinsics.width;
+  state->height = rig.camera.intrinsics.height;
+  state->rate_hz = rig.timing.rate_hz;
+  if (fs::is_directory(path)) {
+    const bool listed = fs::exists(fs::path(path) / "frames.csv");
+    auto entries = listed ? read_list(path) : list_folder(path, rig.timing.rate_hz);
+    if (!entries) return fail(entries.error());
+    state->entries = std::move(*entries);
+    return ImageSource(std::move(state));
+  }
+  if (!fs::exists(path)) return fail(Fault::io, path + ": no such file or folder");
+  if (is_picture(path)) {
+    return fail(Fault::io, path + ": is one picture; give the folder that holds it");
+  }
+  state->video.emplace();
+  try {
+    state->video->open(path);
+  } catch (const cv::Exception&) {
+    state->video->release();
+  }
+  if (!state->video->isOpened()) {
+    return fail(Fault::invalid_input, path + ": is not a video that can be read");
+  }
+  const double fps = state->video->get(cv::CAP_PROP_FPS);
+  if (fps > 1 && fps < 1000) state->rate_hz = fps;
+  state->video_count =
+      std::max(0, static_cast<int>(state->video->get(cv::CAP_PROP_FRAME_COUNT)));
+  return ImageSource(std::move(state));
+}
+
+int ImageSource::count() const {
+  return state_->video ? state_->video_count : static_cast<int>(state_->entries.size());
+}
+
+Result<bool> ImageSource::next(SourceFrame& frame) {
+  return state_->video ? state_->next_video(frame) : state_->next_file(frame);
+}
+
+Result<bool> ImageSource::State::next_video(SourceFrame& frame) {
+  cv::Mat picture;
+  try {
+    if (!video->read(picture) || picture.empty()) {
+      if (next == 0) return fail(Fault::invalid_input, path + ": holds no pictures");
+      return false;
+    }
+  } catch (const cv::Exception&) {
+    return fail(Fault::invalid_input,
+                path + ": breaks off after frame " + std::to_string(next));
+  }
+  frame.name = path + " frame " + std::to_string(next);
+  frame.t = from_seconds(static_cast<double>(next) / rate_hz);
+  if (auto good = check_size(frame.name, picture.cols, picture.rows); !good) {
+    return fail(good.error());
+  }
+  frame.color = copy_of({picture.data, picture.cols, picture.rows, picture.channels(),
+                         static_cast<std::ptrdiff_t>(picture.step[0])},
+                        Channels::color);
+  frame.depth = {};
+  ++next;
+  return true;
+}
+
+Result<bool> ImageSource::State::next_file(SourceFrame& frame) {
+  if (next == entries.size()) return false;
+  const Entry& entry = entries[next];
+  auto color = load_image(entry.file, Channels::color);
+  if (!color) return fail(color.error());
+  if (auto good = check_size(entry.file, color->width, color->height); !good) {
+    return fail(good.error());
+  }
+  frame.depth = {};
+  if (!entry.depth_file.empty()) {
+    auto depth = load_depth(entry.depth_file);
+    if (!depth) return fail(depth.error());
+    if (auto good = check_size(entry.depth_file, depth->width, depth->height); !good) {
+      return fail(good.error());
+    }
+    frame.depth = std::move(*depth);
+  }
+  frame.name = entry.file;
+  frame.t = entry.t;
+  frame.color = std::move(*color);
+  ++next;
+  return true;
+}
+
+}  // namespace alight

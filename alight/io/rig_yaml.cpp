@@ -1,0 +1,206 @@
+#include "alight/io/rig_yaml.h"
+
+#include <cmath>
+
+#include "alight/io/files.h"
+#include "alight/io/text.h"
+#include "alight/io/yaml_reader.h"
+
+namespace alight {
+namespace {
+
+void read_camera(YamlMap map, Intrinsics& lens, CameraTiming& timing) {
+  for (const char* key : {"width", "height", "fx", "fy", "cx", "cy"}) map.require(key);
+  map.read("width", lens.width);
+  map.read("height", lens.height);
+  map.read("fx", lens.fx);
+  map.read("fy", lens.fy);
+  map.read("cx", lens.cx);
+  map.read("cy", lens.cy);
+  map.read("distortion", lens.distortion);
+  map.read("rate_hz", timing.rate_hz);
+  map.read("exposure_ms", timing.exposure_ms);
+  map.read("readout_ms", timing.readout_ms);
+  map.read("frame_to_use_ms", timing.frame_to_use_ms);
+}
+
+void read_mount(YamlMap map, Pose& X_NC) {
+  Vector3 p_NH = Vector3::Zero();
+  Vector3 rpy_deg = Vector3::Zero();
+  map.require("xyz_m");
+  map.require("rpy_deg");
+  map.read("xyz_m", p_NH);
+  map.read("rpy_deg", rpy_deg);
+  const Vector3 rpy = rpy_deg * kDegree;
+  X_NC = optical_from_housing(make_pose(from_rpy(rpy[0], rpy[1], rpy[2]), p_NH));
+}
+
+void add_led(YamlMap& file, const char* key, const Led& led, Constellation& leds) {
+  if (leds.leds.push_back(led)) return;
+  file.complain(key, "more than " + std::to_string(kMaxLeds) + " LEDs");
+}
+
+void read_leds(YamlMap& file, Constellation& leds) {
+  leds.leds.clear();
+  for (YamlMap& item : file.list("leds")) {
+    Led led;
+    item.require("xyz_m");
+    item.read("xyz_m", led.p_BL);
+    item.read_choice("color", led.color,
+                     {{"none", LedColor::none},
+                      {"red", LedColor::red},
+                      {"green", LedColor::green},
+                      {"blue", LedColor::blue},
+                      {"white", LedColor::white}});
+    add_led(file, "leds", led, leds);
+  }
+  for (YamlMap& item : file.list("marker_positions")) {
+    Led led;
+    for (const char* key : {"x", "y", "z"}) item.require(key);
+    item.read("x", led.p_BL[0]);
+    item.read("y", led.p_BL[1]);
+    item.read("z", led.p_BL[2]);
+    add_led(file, "marker_positions", led, leds);
+  }
+  if (file.has("leds") && file.has("marker_positions")) {
+    file.complain("marker_positions", "stands beside leds: keep one of the two");
+  } else if (!file.has("leds") && !file.has("marker_positions")) {
+    file.complain({}, "leds is missing (or marker_positions)");
+  }
+}
+
+void read_drone(YamlMap map, DroneSpec& drone) {
+  map.read("size_m", drone.size_m);
+  map.read("mass_kg", drone.mass_kg);
+  map.read("inertia_kg_m2", drone.inertia_kg_m2);
+  map.read("arm_m", drone.arm_m);
+  map.read("propeller_radius_m", drone.propeller_radius_m);
+  map.read("motor_ms", drone.motor_ms);
+  map.read("thrust_to_weight", drone.thrust_to_weight);
+  map.read("tilt_max_deg", drone.tilt_max_deg);
+  map.read("gear_height_m", drone.gear_height_m);
+}
+
+void read_pad(YamlMap map, PadSpec& pad) {
+  map.read("size_m", pad.size_m);
+  map.read("above_floor_m", pad.above_floor_m);
+  for (YamlMap& item : map.list("obstacles")) {
+    Obstacle box;
+    item.require("min_m");
+    item.require("max_m");
+    item.read("min_m", box.min_m);
+    item.read("max_m", box.max_m);
+    pad.obstacles.push_back(box);
+  }
+}
+
+std::string list_text(const double* values, int count) {
+  std::string text(1, '[');
+  for (int i = 0; i < count; ++i) text += (i ? ", " : "") + number_text(values[i]);
+  return text += ']';
+}
+std::string list_text(const Vector3& v) { return list_text(v.data(), 3); }
+
+/// Roll, pitch, yaw of R = Rz Ry Rx in deg.
+Vector3 rpy_deg_of(const Matrix3& R) {
+  const double level = std::hypot(R(0, 0), R(1, 0));
+  Vector3 rpy(0, std::atan2(-R(2, 0), level), 0);
+  if (level > 1e-9) {
+    rpy[0] = std::atan2(R(2, 1), R(2, 2));
+    rpy[2] = std::atan2(R(1, 0), R(0, 0));
+  } else {
+    rpy[2] = std::atan2(-R(0, 1), R(1, 1));  // straight up or down: roll is free
+  }
+  return rpy / kDegree;
+}
+
+}  // namespace
+
+Result<Rig> load_rig(const std::string& path) {
+  auto opened = YamlMap::load(path);
+  if (!opened) return fail(opened.error());
+  YamlMap& file = *opened;
+  Rig rig = alan_rig();
+  const bool layout_only = file.has("marker_positions") && !file.has("camera");
+  if (!layout_only) {
+    file.require("camera");
+    file.require("mount");
+  }
+  if (file.has("camera")) {
+    read_camera(file.map("camera"), rig.camera.intrinsics, rig.timing);
+  }
+  if (file.has("mount")) read_mount(file.map("mount"), rig.camera.X_NC);
+  read_leds(file, rig.leds);
+  read_drone(file.map("drone"), rig.drone);
+  read_pad(file.map("pad"), rig.pad);
+  YamlMap limits = file.map("limits");
+  limits.read("speed_m_s", rig.limits.speed_m_s);
+  limits.read("acceleration_m_s2", rig.limits.acceleration_m_s2);
+  if (const auto good = file.finish(); !good) return fail(good.error());
+  if (const auto good = rig.validate(); !good) {
+    return fail(good.error().fault, path + ": " + good.error().detail);
+  }
+  return rig;
+}
+
+std::string rig_text(const Rig& rig) {
+  const Intrinsics& k = rig.camera.intrinsics;
+  const Pose X_NH = housing_from_optical(rig.camera.X_NC);
+  std::string text = "camera:\n";
+  const auto field = [&text](const char* key, double value) {
+    text += std::string("  ") + key + ": " + number_text(value) + "\n";
+  };
+  const auto list = [&text](const char* key, const std::string& value) {
+    text += std::string("  ") + key + ": " + value + "\n";
+  };
+  field("width", k.width);
+  field("height", k.height);
+  field("fx", k.fx);
+  field("fy", k.fy);
+  field("cx", k.cx);
+  field("cy", k.cy);
+  list("distortion", list_text(k.distortion.data(), 5));
+  field("rate_hz", rig.timing.rate_hz);
+  field("exposure_ms", rig.timing.exposure_ms);
+  field("readout_ms", rig.timing.readout_ms);
+  field("frame_to_use_ms", rig.timing.frame_to_use_ms);
+  text += "mount:  # camera housing (x out of the lens, y left, z up) in N\n";
+  list("xyz_m", list_text(X_NH.translation()));
+  list("rpy_deg", list_text(rpy_deg_of(X_NH.linear())));
+  text += "leds:  # in B\n";
+  for (const Led& led : rig.leds.leds) {
+    text += "  - {xyz_m: " + list_text(led.p_BL);
+    if (led.color != LedColor::none) {
+      text += std::string(", color: ") + to_string(led.color);
+    }
+    text += "}\n";
+  }
+  text += "drone:\n";
+  field("size_m", rig.drone.size_m);
+  field("mass_kg", rig.drone.mass_kg);
+  list("inertia_kg_m2", list_text(rig.drone.inertia_kg_m2));
+  field("arm_m", rig.drone.arm_m);
+  field("propeller_radius_m", rig.drone.propeller_radius_m);
+  field("motor_ms", rig.drone.motor_ms);
+  field("thrust_to_weight", rig.drone.thrust_to_weight);
+  field("tilt_max_deg", rig.drone.tilt_max_deg);
+  field("gear_height_m", rig.drone.gear_height_m);
+  text += "pad:\n";
+  field("size_m", rig.pad.size_m);
+  field("above_floor_m", rig.pad.above_floor_m);
+  text += rig.pad.obstacles.empty() ? "  obstacles: []\n" : "  obstacles:\n";
+  for (const Obstacle& box : rig.pad.obstacles) {
+    text += "    - {min_m: " + list_text(box.min_m) +
+            ", max_m: " + list_text(box.max_m) + "}\n";
+  }
+  text += "limits:\n";
+  field("speed_m_s", rig.limits.speed_m_s);
+  field("acceleration_m_s2", rig.limits.acceleration_m_s2);
+  return text;
+}
+
+Result<void> save_rig(const std::string& path, const Rig& rig) {
+  return write_file(path, rig_text(rig));
+}
+
+}  // namespace alight
