@@ -1,0 +1,136 @@
+#include "alight/sim/camera_renderer.h"
+
+#include <algorithm>
+#include <opencv2/imgcodecs.hpp>
+#include <string>
+
+#include "alight/sim/camera_background.h"
+#include "alight/sim/camera_depth.h"
+#include "alight/sim/camera_lights.h"
+#include "alight/sim/camera_sight.h"
+#include "alight/sim/camera_spot.h"
+
+namespace alight {
+namespace {
+
+constexpr int kSmallestSide = 16;   // px
+constexpr int kLargestSide = 4096;  // px
+constexpr double kNominalExposureMs = 2;
+
+bool finite(const SceneAt& scene) {
+  return scene.X_IN.matrix().allFinite() && scene.X_NB.matrix().allFinite();
+}
+
+Result<void> check_size(const Intrinsics& picture) {
+  for (const int side : {picture.width, picture.height}) {
+    if (side < kSmallestSide || side > kLargestSide) {
+      return fail(Fault::invalid_config, "camera picture is " +
+                                             std::to_string(picture.width) + " x " +
+                                             std::to_string(picture.height) +
+                                             " px, sides must be in [16, 4096]");
+    }
+  }
+  return {};
+}
+
+template <class Buffer>
+void fit(Buffer& buffer, const Intrinsics& picture, std::size_t channels) {
+  buffer.width = picture.width;
+  buffer.height = picture.height;
+  buffer.pixels.resize(static_cast<std::size_t>(picture.width) *
+                       static_cast<std::size_t>(picture.height) * channels);
+}
+
+}  // namespace
+
+struct CameraRenderer::Parts {
+  Parts(const CameraSimConfig& c, const Rig& true_rig, const Rng& rng)
+      : config(c),
+        camera(true_rig.camera),
+        lens(true_rig.camera.intrinsics),
+        exposure_scale(
+            (c.exposure_ms > 0 ? c.exposure_ms : true_rig.timing.exposure_ms) /
+            kNominalExposureMs),
+        frames(rng.fork("frames")),
+        background(c, camera.intrinsics.width, camera.intrinsics.height,
+                   rng.fork("background")),
+        leds(c, true_rig, rng.fork("leds")),
+        lights(make_room_lights(c, rng.fork("lights"))),
+        painter(c, rng.fork("shot")),
+        depth(c, true_rig, rng.fork("depth")) {}
+
+  void compress(ColorBuffer& color);
+
+  CameraSimConfig config;
+  Camera camera;
+  Lens lens;
+  double exposure_scale;
+  Rng frames;
+  Background background;
+  LedView leds;
+  std::vector<RoomLight> lights;
+  SpotPainter painter;
+  DepthPainter depth;
+  std::vector<Spot> spots;
+  std::vector<std::uint8_t> bytes;
+};
+
+void CameraRenderer::Parts::compress(ColorBuffer& color) {
+  const cv::Mat picture(color.height, color.width, CV_8UC3, color.pixels.data());
+  cv::imencode(".jpg", picture, bytes, {cv::IMWRITE_JPEG_QUALITY, config.jpeg});
+  const cv::Mat decoded = cv::imdecode(bytes, cv::IMREAD_COLOR);
+  std::copy(decoded.datastart, decoded.dataend, color.pixels.begin());
+}
+
+CameraRenderer::CameraRenderer(std::unique_ptr<Parts> parts)
+    : parts_(std::move(parts)) {}
+CameraRenderer::~CameraRenderer() = default;
+CameraRenderer::CameraRenderer(CameraRenderer&&) noexcept = default;
+CameraRenderer& CameraRenderer::operator=(CameraRenderer&&) noexcept = default;
+
+Result<CameraRenderer> CameraRenderer::create(const CameraSimConfig& config,
+                                              const Rig& true_rig, std::uint64_t seed) {
+  if (auto ok = config.validate(); !ok) return fail(ok.error());
+  if (auto ok = true_rig.validate(); !ok) return fail(ok.error());
+  if (auto ok = check_size(true_rig.camera.intrinsics); !ok) return fail(ok.error());
+  return CameraRenderer(
+      std::make_unique<Parts>(config, true_rig, Rng(seed).fork("camera")));
+}
+
+Result<void> CameraRenderer::render(std::uint64_t frame_index,
+                                    std::span<const SceneAt> exposure,
+                                    ColorBuffer& color, DepthBuffer* depth,
+                                    const SceneAt* depth_scene) {
+  if (exposure.empty() || exposure.size() > kMaxInstants) {
+    return fail(Fault::invalid_input, "an exposure needs 1 to 8 instants");
+  }
+  if (!std::all_of(exposure.begin(), exposure.end(), finite) ||
+      (depth_scene != nullptr && !finite(*depth_scene))) {
+    return fail(Fault::invalid_input, "a pose to render is not finite");
+  }
+  Parts& p = *parts_;
+  // Each frame has streams of its own, whatever was rendered before.
+  const char* const index = reinterpret_cast<const char*>(&frame_index);
+  const Rng frame = p.frames.fork({index, sizeof(frame_index)});
+
+  fit(color, p.camera.intrinsics, 3);
+  p.background.fill(frame.fork("dark"), color);
+  p.spots.clear();
+  append_light_spots(p.lights, p.camera, p.lens, p.config.psf_sd_px, p.exposure_scale,
+                     exposure, p.spots);
+  p.leds.append_spots(exposure, p.spots);
+  Rng shot = frame.fork("shot");
+  for (const Spot& spot : p.spots) p.painter.paint(spot, shot, color);
+  if (p.config.jpeg > 0) p.compress(color);
+
+  if (depth != nullptr) {
+    const SceneAt& scene =
+        depth_scene != nullptr ? *depth_scene : exposure[exposure.size() / 2];
+    fit(*depth, p.camera.intrinsics, 1);
+    p.background.fill(frame.fork("room"), *depth);
+    p.depth.paint(scene.X_NB, p.leds, frame.fork("depth"), *depth);
+  }
+  return {};
+}
+
+}  // namespace alight
