@@ -21,6 +21,8 @@ struct AttitudeControllerConfig {
   double kv_z = 4;   ///< 1/s
   double ka_z = 0;   ///< on the vertical specific force
 
+  double disturbance_lag_s = 0.3;  ///< Low-pass on d_N before it is countered.
+
   double error_max_m = 0.6;             ///< Position errors act as if no larger,
   double velocity_error_max_m_s = 1.5;  ///< nor velocity errors.
   double disturbance_max_m_s2 = 4;      ///< Bound on what is believed of d_N.
