@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "alight/base/result.h"
+#include "alight/estimation/map_update.h"
 #include "alight/estimation/motion_model.h"
 #include "alight/estimation/relative_filter_config.h"
 #include "alight/estimation/update_report.h"
@@ -81,7 +82,9 @@ class RelativeFilter {
  private:
   RelativeFilter(const RelativeFilterConfig& config, const Camera& camera,
                  const Constellation& leds);
-  void learn_velocity(Time t, const Vector3& p_NB);
+  Result<void> prepare(const LedFrame& frame, PictureMeasurements& measurements,
+                       UpdateReport& report) const;
+  void learn_velocity();
 
   RelativeFilterConfig config_;
   Camera camera_;
@@ -93,10 +96,10 @@ class RelativeFilter {
   Matrix12 P_ = Matrix12::Zero();
   // First-order error of the state by the constant displacement of each LED (3 columns
   // each), carried along as the filter carries errors (Schmidt 1966, consider states).
-  Eigen::Matrix<double, 12, Eigen::Dynamic, 0, 12, 3 * kMaxLeds> led_bias_;
+  LedBias led_bias_;
 
   // The paper's velocity measurement.
-  int positions_known_ = 0;
+  int updates_ = 0;  // since reset
   Time last_update_ = 0;
   Vector3 last_p_NB_ = Vector3::Zero();
   Vector3 measured_v_NB_ = Vector3::Zero();

@@ -1,6 +1,7 @@
 #pragma once
 #include "alight/base/result.h"
 #include "alight/estimation/motion_model.h"
+#include "alight/geometry/led_frame.h"
 
 namespace alight {
 

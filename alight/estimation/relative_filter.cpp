@@ -1,0 +1,252 @@
+#include "alight/estimation/relative_filter.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <bit>
+#include <cassert>
+#include <cmath>
+
+namespace alight {
+namespace {
+
+constexpr Seconds kFrame = 1.0 / 60;  // what variance_per_frame counts by
+constexpr Time kLongest = 60'000'000'000;
+
+bool finite(const PlatformState& p) {
+  return p.X_IN.matrix().allFinite() && p.w_IN_N.allFinite() && p.a_IN_N.allFinite() &&
+         p.alpha_IN_N.allFinite();
+}
+
+double largest_sd(const Matrix3& covariance) {
+  Eigen::SelfAdjointEigenSolver<Matrix3> solver;
+  solver.computeDirect(covariance, Eigen::EigenvaluesOnly);
+  return std::sqrt(std::max(0.0, solver.eigenvalues().maxCoeff()));
+}
+
+bool positive_definite(const Matrix2& m) {
+  return m.allFinite() && m(0, 0) > 0 && m.determinant() > 0;
+}
+
+}  // namespace
+
+RelativeFilter::RelativeFilter(const RelativeFilterConfig& config, const Camera& camera,
+                               const Constellation& leds)
+    : config_(config), camera_(camera), leds_(leds) {
+  led_bias_.setZero(12, 3 * leds.size());
+}
+
+Result<RelativeFilter> RelativeFilter::create(const RelativeFilterConfig& config,
+                                              const Camera& camera,
+                                              const Constellation& leds) {
+  if (const auto valid = config.validate(); !valid) return fail(valid.error());
+  if (leds.size() < 3) {
+    return fail(Fault::too_few_points, "leds: the filter needs at least 3");
+  }
+  return RelativeFilter(config, camera, leds);
+}
+
+void RelativeFilter::reset(Time t, const RelativeState& x, const Covariance9& covariance,
+                           const Vector3& d_N) {
+  assert(x.p_NB.allFinite() && x.R_NB.allFinite() && x.v_NB.allFinite());
+  assert(covariance.allFinite() && d_N.allFinite());
+  initialized_ = true;
+  time_ = t;
+  state_ = {x, config_.estimate_disturbance ? d_N : Vector3::Zero()};
+  P_.setZero();
+  P_.topLeftCorner<9, 9>() = covariance;
+  if (config_.estimate_disturbance) {
+    P_.diagonal().tail<3>().setConstant(config_.disturbance_sd * config_.disturbance_sd);
+  }
+  led_bias_.setZero();
+  updates_ = 0;
+  measured_v_NB_ = x.v_NB;
+}
+
+Result<void> RelativeFilter::predict_to(Time t, const PredictionInput& given) {
+  if (!initialized_ || t < time_ || t - time_ > kLongest) {
+    return fail(Fault::invalid_input);
+  }
+  if (t == time_) return {};
+  PredictionInput input = given;
+  if (!config_.platform_motion) input.platform = PlatformState{};
+  if (config_.model == ProcessModel::hover) input.f_N.setZero();
+  if (!finite(input.platform) || !input.f_N.allFinite() || !input.w_NB_B.allFinite()) {
+    return fail(Fault::invalid_input);
+  }
+
+  const Seconds dt = to_seconds(t - time_);
+  Matrix12 F;
+  const MotionState next = extrapolate(state_, input, dt, config_.model, &F);
+  ProcessNoise noise = config_.noise;
+  if (!config_.estimate_disturbance) noise.disturbance = 0;
+  Matrix12 P = F * P_ * F.transpose() + process_covariance(noise, dt);
+  P.diagonal().head<9>().array() += config_.variance_per_frame * dt / kFrame;
+  if (!P.allFinite() || !next.x.p_NB.allFinite() || !next.x.R_NB.allFinite() ||
+      !next.x.v_NB.allFinite() || !next.d_N.allFinite()) {
+    return fail(Fault::invalid_input);
+  }
+  state_ = next;
+  P_ = 0.5 * (P + P.transpose());
+  if (config_.led_position_sd_m > 0) {
+    Eigen::Matrix<double, 12, 3> column;
+    for (int i = 0; i < leds_.size(); ++i) {
+      column.noalias() = F * led_bias_.middleCols<3>(3 * i);
+      led_bias_.middleCols<3>(3 * i) = column;
+    }
+  }
+  time_ = t;
+  return {};
+}
+
+Result<void> RelativeFilter::prepare(const LedFrame& frame,
+                                     PictureMeasurements& measurements,
+                                     UpdateReport& report) const {
+  const Pose X_NB = state_.x.X_NB();
+  const Eigen::Matrix<double, 6, 6> P = P_.topLeftCorner<6, 6>();
+  const unsigned known = (1u << leds_.size()) - 1;
+  int improbable = 0;
+  for (const LedObservation& o : frame.seen) {
+    if (!o.uv.allFinite() || o.leds == 0 || (o.leds & ~known) != 0 ||
+        (config_.use_observation_cov && !positive_definite(o.cov))) {
+      ++report.malformed;
+      report.refused.push_back({o.uv, Refusal::gated});
+      continue;
+    }
+    Matrix26 H;
+    const auto uv = project_observation(camera_, X_NB, leds_, o.leds, &H);
+    const double z = predicted_depth(camera_, X_NB, leds_, o.leds);
+    if (!uv || !(z > 0)) {
+      ++improbable;
+      report.refused.push_back({o.uv, Refusal::gated});
+      continue;
+    }
+
+    PictureMeasurement m{.leds = o.leds, .uv = o.uv};
+    const int n = std::popcount(o.leds);
+    const Intrinsics& lens = camera_.intrinsics;
+    const Vector2 led_px = config_.led_position_sd_m / z * Vector2(lens.fx, lens.fy);
+    m.cov.setZero();
+    if (config_.use_observation_cov) m.cov = o.cov;
+    m.cov.diagonal() += (led_px.cwiseAbs2() + Vector2::Constant(config_.pixel_sd_px *
+                                                                config_.pixel_sd_px)) /
+                        n;
+
+    const Vector2 innovation = o.uv - *uv;
+    const Matrix2 S = H * P * H.transpose() + m.cov;
+    const double nis = innovation.dot(S.inverse() * innovation);
+    if (!(nis >= 0) || (config_.gate_chi2 > 0 && nis > config_.gate_chi2)) {
+      ++improbable;
+      report.refused.push_back({o.uv, Refusal::gated});
+      continue;
+    }
+    if (config_.use_depth && o.depth_m > 0 && std::isfinite(o.depth_m)) {
+      Eigen::Matrix<double, 1, 6> H_z;
+      predicted_depth(camera_, X_NB, leds_, o.leds, &H_z);
+      const double share = config_.depth_sd_share * z;
+      const double variance = config_.depth_sd_m * config_.depth_sd_m + share * share;
+      const double S_z = (H_z * P * H_z.transpose()).value() + variance;
+      // A hole's rim or the background: the depth goes, the image stays.
+      if (config_.gate_chi2 <= 0 ||
+          (o.depth_m - z) * (o.depth_m - z) <= config_.gate_chi2 * S_z) {
+        m.depth_m = o.depth_m;
+        m.depth_variance = variance;
+      }
+    }
+    measurements.push_back(m);
+    report.seen.push_back(
+        {.leds = o.leds, .uv = o.uv, .residual_px = innovation, .nis = nis});
+  }
+  report.gated = improbable;
+  report.used = static_cast<int>(measurements.size());
+  if (improbable > report.used) return fail(Fault::ambiguous);
+  if (report.used < config_.min_observations) return fail(Fault::too_few_points);
+  return {};
+}
+
+Result<UpdateReport> RelativeFilter::update(const LedFrame& frame) {
+  if (!initialized_ || frame.t != time_ || (updates_ > 0 && frame.t <= last_update_)) {
+    return fail(Fault::invalid_input);
+  }
+  UpdateReport report;
+  PictureMeasurements measurements;
+  if (const auto ready = prepare(frame, measurements, report); !ready) {
+    return fail(ready.error());
+  }
+
+  MapUpdateOptions options{.max_iterations = config_.max_iterations,
+                           .tolerance = config_.tolerance,
+                           .huber_sd = config_.huber_sd};
+  if (updates_ >= 2) {  // (p_{k-1} - p_{k-2}) needs two
+    options.velocity_variance = config_.velocity_variance;
+    options.v_NB = measured_v_NB_;
+  }
+  MotionState next = state_;
+  Matrix12 P = P_;
+  const auto done = map_update(camera_, leds_, measurements, options, next, P,
+                               config_.led_position_sd_m > 0 ? &led_bias_ : nullptr);
+  if (!done) return fail(done.error());
+  state_ = next;
+  P_ = P;
+  report.iterations = done->iterations;
+  report.converged = done->converged;
+
+  const Pose X_NB = state_.x.X_NB();
+  double sum = 0;
+  for (ObservationReport& o : report.seen) {
+    const auto uv = project_observation(camera_, X_NB, leds_, o.leds);
+    if (uv) o.residual_px = o.uv - *uv;
+    sum += o.residual_px.squaredNorm();
+  }
+  report.reprojection_px = std::sqrt(sum / report.used);
+  learn_velocity();
+  return report;
+}
+
+void RelativeFilter::learn_velocity() {
+  if (updates_ > 0) {
+    const Vector3 v =
+        (state_.x.p_NB - last_p_NB_) / to_seconds(time_ - last_update_);
+    measured_v_NB_ += config_.velocity_alpha * (v - measured_v_NB_);
+  }
+  last_p_NB_ = state_.x.p_NB;
+  last_update_ = time_;
+  ++updates_;
+}
+
+Covariance9 RelativeFilter::covariance() const {
+  Covariance9 total = tracking_covariance();
+  const double led = config_.led_position_sd_m;
+  if (led > 0) {
+    const auto B = led_bias_.topRows<9>();
+    total.noalias() += led * led * B.lazyProduct(B.transpose());
+  }
+
+  // A mount that is off moves the drone with it, about the camera.
+  const Vector3 arm = state_.x.p_NB - camera_.X_NC.translation();
+  const double shift = config_.mount_position_sd_m;
+  const double turn = config_.mount_rotation_sd_rad;
+  total.diagonal().head<3>().array() += shift * shift;
+  Eigen::Matrix<double, 9, 3> by_turn;
+  by_turn << -hat(arm), state_.x.R_NB.transpose(), -hat(state_.x.v_NB);
+  total.noalias() += turn * turn * by_turn * by_turn.transpose();
+
+  // A focal length that is off scales the distance along the optical axis.
+  const Vector3 axis = camera_.X_NC.linear().col(2);
+  Vector9 by_focal = Vector9::Zero();
+  by_focal.head<3>() = axis * axis.dot(arm);
+  by_focal.tail<3>() = axis * axis.dot(state_.x.v_NB);
+  total.noalias() +=
+      config_.focal_sd_share * config_.focal_sd_share * by_focal * by_focal.transpose();
+  return total;
+}
+
+double RelativeFilter::position_sd() const { return largest_sd(P_.block<3, 3>(0, 0)); }
+
+double RelativeFilter::velocity_sd() const { return largest_sd(P_.block<3, 3>(6, 6)); }
+
+double RelativeFilter::yaw_sd() const {
+  const Vector3 z_B = state_.x.R_NB.row(2).transpose();
+  return std::sqrt(std::max(0.0, z_B.dot(P_.block<3, 3>(3, 3) * z_B)));
+}
+
+}  // namespace alight

@@ -1,0 +1,94 @@
+#include "alight/estimation/relative_filter_config.h"
+
+#include <cmath>
+#include <sstream>
+
+namespace alight {
+namespace {
+
+struct Range {
+  const char* field;
+  double value;
+  double low;
+  double high;
+};
+
+}  // namespace
+
+Result<void> RelativeFilterConfig::validate() const {
+  const Range ranges[] = {
+      {"noise.rate", noise.rate, 0, 100},
+      {"noise.acceleration", noise.acceleration, 0, 1000},
+      {"noise.disturbance", noise.disturbance, 0, 1000},
+      {"disturbance_sd", disturbance_sd, 1e-6, 100},
+      {"variance_per_frame", variance_per_frame, 0, 100},
+      {"pixel_sd_px", pixel_sd_px, 0, 100},
+      {"led_position_sd_m", led_position_sd_m, 0, 0.1},
+      {"depth_sd_m", depth_sd_m, 1e-6, 10},
+      {"depth_sd_share", depth_sd_share, 0, 1},
+      {"mount_position_sd_m", mount_position_sd_m, 0, 1},
+      {"mount_rotation_sd_rad", mount_rotation_sd_rad, 0, 1},
+      {"focal_sd_share", focal_sd_share, 0, 1},
+      {"velocity_variance", velocity_variance, 0, 1e6},
+      {"velocity_alpha", velocity_alpha, 0, 1},
+      {"max_iterations", static_cast<double>(max_iterations), 1, 100},
+      {"tolerance", tolerance, 1e-12, 1},
+      {"min_observations", static_cast<double>(min_observations), 1, kMaxLeds},
+      {"gate_chi2", gate_chi2, 0, 1e6},
+      {"huber_sd", huber_sd, 0, 1e6},
+  };
+  for (const Range& r : ranges) {
+    if (r.value >= r.low && r.value <= r.high) continue;
+    std::ostringstream detail;
+    detail << "estimation." << r.field << ": " << r.value << " is outside [" << r.low
+           << ", " << r.high << "]";
+    return fail(Fault::invalid_config, detail.str());
+  }
+  if (!use_observation_cov && pixel_sd_px < 1e-3) {
+    return fail(Fault::invalid_config,
+                "estimation.pixel_sd_px: at least 0.001 when use_observation_cov is off");
+  }
+  if (variance_per_frame <= 0 && (noise.rate <= 0 || noise.acceleration <= 0)) {
+    return fail(Fault::invalid_config,
+                "estimation.noise: rate and acceleration must be positive when "
+                "variance_per_frame is 0");
+  }
+  return {};
+}
+
+RelativeFilterConfig RelativeFilterConfig::paper() {
+  RelativeFilterConfig c;
+  c.model = ProcessModel::hover;
+  c.platform_motion = false;
+  c.estimate_disturbance = false;
+  c.noise = {.rate = 0, .acceleration = 0, .disturbance = 0};
+  c.variance_per_frame = 0.016;
+  c.use_observation_cov = false;
+  c.pixel_sd_px = std::sqrt(0.008);
+  c.velocity_variance = 0.016;
+  c.velocity_alpha = 0.04;
+  c.max_iterations = 25;
+  c.tolerance = 0.01;
+  c.min_observations = 4;
+  c.gate_chi2 = 0;
+  c.huber_sd = 0;
+  return c.with_perfect_rig();
+}
+
+RelativeFilterConfig RelativeFilterConfig::camera_only() {
+  RelativeFilterConfig c;
+  c.model = ProcessModel::hover;
+  c.noise = {.rate = 0.6, .acceleration = 0.6, .disturbance = 2.0};
+  return c;
+}
+
+RelativeFilterConfig RelativeFilterConfig::with_perfect_rig() const {
+  RelativeFilterConfig c = *this;
+  c.led_position_sd_m = 0;
+  c.mount_position_sd_m = 0;
+  c.mount_rotation_sd_rad = 0;
+  c.focal_sd_share = 0;
+  return c;
+}
+
+}  // namespace alight

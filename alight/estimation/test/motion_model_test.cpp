@@ -1,0 +1,133 @@
+#include "alight/estimation/motion_model.h"
+
+#include <gtest/gtest.h>
+
+#include "alight/base/rng.h"
+
+namespace alight {
+namespace {
+
+Vector3 random3(Rng& rng, double sd) {
+  return {rng.normal(0, sd), rng.normal(0, sd), rng.normal(0, sd)};
+}
+
+PredictionInput random_input(Rng& rng) {
+  PredictionInput u;
+  u.platform.X_IN = make_pose(so3_exp(random3(rng, 0.5)), random3(rng, 2));
+  u.platform.v_IN_N = random3(rng, 1);
+  u.platform.w_IN_N = random3(rng, 0.7);
+  u.platform.a_IN_N = random3(rng, 1);
+  u.platform.alpha_IN_N = random3(rng, 1);
+  u.f_N = random3(rng, 5);
+  u.w_NB_B = random3(rng, 2);
+  return u;
+}
+
+MotionState random_state(Rng& rng) {
+  return {{random3(rng, 2), so3_exp(random3(rng, 1)), random3(rng, 1)}, random3(rng, 1)};
+}
+
+class BothModels : public testing::TestWithParam<ProcessModel> {};
+
+TEST_P(BothModels, JacobianAgreesWithDifferences) {
+  Rng rng(1);
+  for (int trial = 0; trial < 50; ++trial) {
+    const auto u = random_input(rng);
+    const auto s = random_state(rng);
+    const double dt = rng.uniform(-0.02, 0.1);
+    Matrix12 F;
+    extrapolate(s, u, dt, GetParam(), &F);
+    const double h = 1e-5;
+    for (int i = 0; i < 12; ++i) {
+      const Vector12 d = h * Vector12::Unit(i);
+      const Vector12 column = boxminus(extrapolate(boxplus(s, d), u, dt, GetParam()),
+                                       extrapolate(boxplus(s, -d), u, dt, GetParam())) /
+                              (2 * h);
+      EXPECT_LT((column - F.col(i)).norm(), 1e-7) << "column " << i;
+    }
+  }
+}
+
+TEST_P(BothModels, OneStepAgreesWithManySmallOnes) {
+  Rng rng(2);
+  for (int trial = 0; trial < 20; ++trial) {
+    auto u = random_input(rng);
+    u.w_NB_B *= 0.3;
+    const auto s = random_state(rng);
+    MotionState fine = s;
+    for (int i = 0; i < 1000; ++i) fine = extrapolate(fine, u, 1e-5, GetParam());
+    const Vector12 d = boxminus(extrapolate(s, u, 0.01, GetParam()), fine);
+    EXPECT_LT(d.head<3>().norm(), 2e-5);
+    EXPECT_LT(d.segment<3>(3).norm(), 1e-9);
+    EXPECT_LT(d.segment<3>(6).norm(), 1e-4);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(MotionModel, BothModels,
+                         testing::Values(ProcessModel::hover, ProcessModel::set_points));
+
+// A drone that falls freely in I, seen from a platform that turns and accelerates.
+TEST(MotionModel, FreeFallSeenFromACircle) {
+  const double w = 0.6, radius = 1.5, T = 0.5;
+  const auto platform_at = [&](double t) {
+    PlatformState p;
+    p.X_IN = make_pose(from_rpy(0, 0, w * t + kPi / 2),
+                       radius * Vector3(std::cos(w * t), std::sin(w * t), 0));
+    p.v_IN_N = Vector3(w * radius, 0, 0);
+    p.w_IN_N = Vector3(0, 0, w);
+    p.a_IN_N = Vector3(0, w * w * radius, 0);
+    return p;
+  };
+  const Vector3 p_0(3, -1, 4), v_0(0.5, 0.4, 2);
+  const auto truth = [&](double t) {
+    const auto p = platform_at(t);
+    const Vector3 g(0, 0, -kGravity);
+    const Vector3 p_IB = p_0 + v_0 * t + 0.5 * g * t * t;
+    RelativeState x;
+    x.p_NB = p.X_IN.inverse() * p_IB;
+    x.v_NB = p.X_IN.linear().transpose() * (v_0 + g * t) - p.v_IN_N -
+             p.w_IN_N.cross(x.p_NB);
+    return x;
+  };
+  MotionState s{truth(0)};
+  const int steps = 100;
+  for (int i = 0; i < steps; ++i) {
+    PredictionInput u;
+    u.platform = platform_at(T * (i + 0.5) / steps);
+    s = extrapolate(s, u, T / steps);
+  }
+  EXPECT_LT((s.x.p_NB - truth(T).p_NB).norm(), 2e-5);
+  EXPECT_LT((s.x.v_NB - truth(T).v_NB).norm(), 2e-5);
+}
+
+TEST(MotionModel, AtRestWithHoverThrustStaysAtRest) {
+  MotionState s;
+  s.x.p_NB = {-1, 0.2, 1};
+  const auto next = extrapolate(s, {}, 0.1, ProcessModel::hover);
+  EXPECT_LT(boxminus(next, s).norm(), 1e-12);
+}
+
+TEST(MotionModel, DisturbanceIsAnAcceleration) {
+  PredictionInput u;
+  u.f_N = {0, 0, kGravity};
+  const auto x = extrapolate(RelativeState{}, Vector3(1, 0, 0), u, 0.2);
+  EXPECT_NEAR(x.v_NB.x(), 0.2, 1e-12);
+  EXPECT_NEAR(x.p_NB.x(), 0.02, 1e-12);
+}
+
+// The integral of white noise over T does not depend on how T is split.
+TEST(MotionModel, ProcessCovarianceAddsUpOverSteps) {
+  const ProcessNoise noise;
+  PredictionInput u;
+  Matrix12 F;
+  extrapolate(MotionState{}, u, 0.01, ProcessModel::set_points, &F);
+  Matrix12 P = Matrix12::Zero();
+  for (int i = 0; i < 10; ++i) {
+    P = F * P * F.transpose() + process_covariance(noise, 0.01);
+  }
+  const Matrix12 whole = process_covariance(noise, 0.1);
+  EXPECT_LT((P - whole).norm(), 1e-9 * whole.norm());
+}
+
+}  // namespace
+}  // namespace alight
