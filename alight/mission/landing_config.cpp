@@ -1,0 +1,39 @@
+#include "alight/mission/landing_config.h"
+
+namespace alight {
+
+Result<void> LandingConfig::validate() const {
+  if (auto good = estimator.validate(); !good) return good;
+  if (auto good = platform.validate(); !good) return good;
+  if (auto good = mission.validate(); !good) return good;
+  if (auto good = response.validate(); !good) return good;
+  if (auto good = attitude.validate(); !good) return good;
+  if (auto good = pid.validate(); !good) return good;
+  if (!(event_age_max_s > 0 && heading_smoothing > 0 && heading_smoothing <= 1 &&
+        attitude_correction >= 0 && attitude_correction <= 1)) {
+    return fail(Fault::invalid_config,
+                "event_age_max_s must be positive; heading_smoothing and "
+                "attitude_correction are shares");
+  }
+  return {};
+}
+
+LandingConfig LandingConfig::standard(const Rig& rig) {
+  LandingConfig config;
+  config.response.thrust_to_weight = rig.drone.thrust_to_weight;
+  config.response.motor_ms = rig.drone.motor_ms;
+  config.response.tilt_max_deg = rig.drone.tilt_max_deg;
+  return config;
+}
+
+LandingConfig LandingConfig::paper(const Rig& rig) {
+  LandingConfig config = standard(rig);
+  config.estimator = RelativeEstimatorConfig::paper();
+  config.interface = ControlInterface::velocity;
+  config.mission.cut_height_m = 0.14;
+  config.mission.settle_error_m = 0.6;  // its controller trails a moving platform
+  config.mission.go_around_error_m = 0.8;
+  return config;
+}
+
+}  // namespace alight

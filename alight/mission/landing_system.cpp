@@ -1,0 +1,306 @@
+#include "alight/mission/landing_system.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "alight/mission/drone_motion.h"
+#include "alight/mission/mission.h"
+
+namespace alight {
+namespace {
+
+constexpr Time kFuture = 5'000'000;  // ns; clocks agree no better than this
+
+bool finite(const PlatformOdometry& o) {
+  return o.X_IN.matrix().allFinite() && o.v_IN_N.allFinite() && o.w_IN_N.allFinite();
+}
+
+}  // namespace
+
+struct LandingSystem::Parts {
+  Parts(const LandingConfig& c, const Rig& r, RelativeEstimator e, AttitudeController a,
+        PidController p)
+      : config(c),
+        rig(r),
+        estimator(std::move(e)),
+        platform(c.platform),
+        link(c.link),
+        response(c.response),
+        motion(response, platform),
+        mission(c.mission, r),
+        attitude(std::move(a)),
+        pid(std::move(p)) {}
+
+  LandingConfig config;
+  Rig rig;
+  RelativeEstimator estimator;
+  PlatformTracker platform;
+  LinkMonitor link;
+  DroneResponse response;
+  DroneMotion motion;
+  Mission mission;
+  AttitudeController attitude;
+  PidController pid;
+
+  bool started = false;
+  Time last_now = 0;
+  std::uint32_t refused = 0;
+  bool telemetry_heard = false;
+  AutopilotTelemetry telemetry;
+  bool heading_known = false;
+  RelativeState x_seen;
+
+  // Of the step under way.
+  OperatorWish wish = OperatorWish::none;
+  const PlanArrival* plan = nullptr;
+
+  void take(const Event& event, Time now, Output& out, Probe* probe);
+  void learn_heading(const AutopilotTelemetry& t);
+  void external_pose(const FrameReport& frame, Output& out) const;
+  Setpoint resting_setpoint(const PlatformState& at, double thrust) const;
+  void control(const MissionCommand& command, Time now, const MotionState& state,
+               Output& out);
+};
+
+LandingSystem::LandingSystem(std::unique_ptr<Parts> parts) : parts_(std::move(parts)) {}
+LandingSystem::LandingSystem(LandingSystem&&) noexcept = default;
+LandingSystem& LandingSystem::operator=(LandingSystem&&) noexcept = default;
+LandingSystem::~LandingSystem() = default;
+
+Result<LandingSystem> LandingSystem::create(const LandingConfig& config, const Rig& rig) {
+  if (auto good = rig.validate(); !good) return fail(good.error());
+  if (auto good = config.validate(); !good) return fail(good.error());
+  auto estimator = RelativeEstimator::create(config.estimator, rig);
+  if (!estimator) return fail(estimator.error());
+  auto attitude = AttitudeController::create(config.attitude, config.response, rig.drone);
+  if (!attitude) return fail(attitude.error());
+  auto pid = PidController::create(config.pid);
+  if (!pid) return fail(pid.error());
+  return LandingSystem(std::make_unique<Parts>(config, rig, std::move(*estimator),
+                                               std::move(*attitude), std::move(*pid)));
+}
+
+void LandingSystem::Parts::learn_heading(const AutopilotTelemetry& t) {
+  if (!estimator.initialized() || !platform.ready()) return;
+  const double ours = yaw_of(platform.at(t.captured).X_IN.linear()) +
+                      yaw_of(estimator.filter().state().R_NB);
+  const double theirs = yaw_of(t.q_IB.toRotationMatrix());
+  const double difference = wrap_angle(theirs - ours - motion.autopilot_heading);
+  motion.autopilot_heading = wrap_angle(
+      motion.autopilot_heading +
+      (heading_known ? config.heading_smoothing * difference : difference));
+  heading_known = true;
+}
+
+void LandingSystem::Parts::take(const Event& event, Time now, Output& out, Probe* probe) {
+  const auto timely = [&](Time captured) {
+    return to_seconds(now - captured) <= config.event_age_max_s &&
+           captured <= now + kFuture;
+  };
+  bool good = true;
+  if (const auto* frame = std::get_if<CameraFrame>(&event)) {
+    FrameReport report;
+    good = timely(frame->captured) &&
+           estimator.fuse(*frame, motion, report, probe);
+    if (good) {
+      if (report.tracked) {
+        x_seen = report.x;
+        external_pose(report, out);
+      }
+      out.trace.frames.push_back(report);
+    }
+  } else if (const auto* odometry = std::get_if<PlatformOdometry>(&event)) {
+    good = timely(odometry->captured) && finite(*odometry) && platform.add(*odometry);
+  } else if (const auto* imu = std::get_if<PlatformImu>(&event)) {
+    good = timely(imu->captured) && platform.add(*imu);
+  } else if (const auto* t = std::get_if<AutopilotTelemetry>(&event)) {
+    good = timely(t->captured) && t->q_IB.coeffs().allFinite() &&
+           std::abs(t->q_IB.norm() - 1) < 1e-3 && std::isfinite(t->battery) &&
+           (!telemetry_heard || t->captured > telemetry.captured);
+    if (good) {
+      telemetry_heard = true;
+      telemetry = *t;
+      link.heard(t->received);
+      learn_heading(*t);
+      response.correct_attitude(t->captured, t->q_IB.toRotationMatrix(),
+                                config.attitude_correction);
+    }
+  } else if (const auto* status = std::get_if<LinkStatus>(&event)) {
+    good = std::isfinite(status->round_trip_ms) && status->last_answer <= now + kFuture;
+    if (good) link.add(*status);
+  } else if (const auto* arrival = std::get_if<PlanArrival>(&event)) {
+    plan = arrival;
+  } else if (const auto* operator_input = std::get_if<OperatorInput>(&event)) {
+    // Within one step the most severe wish wins.
+    wish = std::max(wish, operator_input->wish);
+  }
+  if (!good) ++refused;
+}
+
+void LandingSystem::Parts::external_pose(const FrameReport& frame, Output& out) const {
+  if (!platform.ready()) return;
+  const PlatformState at = platform.at(frame.t);
+  const Matrix3 R_IN = at.X_IN.linear();
+  ExternalPose& pose = out.external_pose;
+  pose.captured = frame.t;
+  pose.X_IB = at.X_IN * frame.x.X_NB();
+  pose.v_IB = R_IN * inertial_velocity_N(at, frame.x.p_NB, frame.x.v_NB);
+  Matrix9 J = Matrix9::Identity();
+  J.block<3, 3>(0, 0) = R_IN;
+  J.block<3, 3>(6, 6) = R_IN;
+  pose.cov = J * frame.cov * J.transpose();
+  const auto square = [](double v) { return v * v; };
+  pose.cov.diagonal().head<3>().array() += square(config.odometry_position_sd_m);
+  pose.cov.diagonal().segment<3>(3).array() +=
+      square(config.odometry_rotation_sd_deg * kDegree);
+  pose.cov.diagonal().tail<3>().array() += square(config.odometry_velocity_sd_m_s);
+  pose.resets = platform.resets();
+  out.has_external_pose = true;
+}
+
+Setpoint LandingSystem::Parts::resting_setpoint(const PlatformState& at,
+                                                double thrust) const {
+  Setpoint setpoint;
+  const Vector3& p = x_seen.p_NB;
+  const Matrix3& R_IN = at.X_IN.linear();
+  const double heading =
+      wrap_angle(yaw_of(R_IN) + yaw_of(x_seen.R_NB) + motion.autopilot_heading);
+  const Matrix3 R_AI = from_rpy(0, 0, motion.autopilot_heading);
+  if (config.interface == ControlInterface::velocity) {
+    setpoint.kind = Setpoint::Kind::velocity;
+    setpoint.v_IB = R_AI * R_IN * inertial_velocity_N(at, p, Vector3::Zero());
+    setpoint.v_IB.z() = thrust > 0 ? 0.5 : -1.0;
+    setpoint.yaw = heading;
+    setpoint.yaw_rate = at.w_IN_N.z();
+    return setpoint;
+  }
+  // Thrust along the force that keeps it where it stands while the platform drives.
+  const Vector3 f_A = R_AI * R_IN *
+                      (inertial_acceleration_N(at, p, Vector3::Zero(), Vector3::Zero()) -
+                       gravity_N(at));
+  const Vector3 z = f_A.normalized();
+  const Vector3 y = z.cross(Vector3(std::cos(heading), std::sin(heading), 0)).normalized();
+  Matrix3 R;
+  R << y.cross(z), y, z;
+  setpoint.kind = Setpoint::Kind::attitude;
+  setpoint.q_IB = Eigen::Quaterniond(R).normalized();
+  setpoint.thrust = thrust;
+  return setpoint;
+}
+
+void LandingSystem::Parts::control(const MissionCommand& command, Time now,
+                                   const MotionState& state, Output& out) {
+  const Time t_eff =
+      now + link.delay() + from_seconds(config.response.delay_ms * 1e-3);
+  response.advance(t_eff);
+  const PlatformState platform_eff = platform.at(t_eff);
+  switch (command.mode) {
+    case MissionCommand::Mode::silent:
+      return;
+    case MissionCommand::Mode::idle:
+    case MissionCommand::Mode::ramp: {
+      const double hover = 1 / config.response.thrust_to_weight;
+      const double thrust = command.mode == MissionCommand::Mode::ramp
+                                ? std::min(command.ramp_share * hover, 1.0)
+                                : 0.0;
+      out.setpoint = resting_setpoint(platform_eff, thrust);
+      break;
+    }
+    case MissionCommand::Mode::track: {
+      if (config.interface == ControlInterface::velocity) {
+        out.setpoint =
+            pid.step(platform.at(now), state.x, mission.maneuver().at(now),
+                     std::max(to_seconds(now - last_now), 1e-3), motion.autopilot_heading)
+                .setpoint;
+        break;
+      }
+      AttitudeInput in;
+      in.platform = platform_eff;
+      const MotionState ahead = estimator.carried_on(state, now, t_eff, motion);
+      in.state = ahead.x;
+      in.response = response.at(t_eff);
+      in.autopilot_heading = motion.autopilot_heading;
+      in.d_N = ahead.d_N;
+      in.reference = mission.maneuver().at(t_eff);
+      in.tilt_limit_rad = command.tilt_limit;
+      out.setpoint = attitude.step(in).setpoint;
+      break;
+    }
+  }
+  response.sent(out.setpoint, now + link.delay());
+}
+
+void LandingSystem::step(const Input& input, Output& out, Probe* probe) {
+  const ProbeScope scope(probe, Stage::step);
+  Parts& p = *parts_;
+  out = Output{};
+  if (p.started && input.now <= p.last_now) {
+    ++p.refused;
+    out.trace.events_refused = p.refused;
+    out.mission = p.mission.status();
+    return;
+  }
+  if (!p.started) {
+    p.started = true;
+    p.last_now = input.now;
+    p.response.reset(input.now, Matrix3::Identity(), 0);
+  }
+  p.response.advance(input.now);
+  p.wish = OperatorWish::none;
+  p.plan = nullptr;
+  for (const Event& event : input.events) p.take(event, input.now, out, probe);
+
+  out.trace.t = input.now;
+  out.trace.platform = p.platform.at(input.now);
+  out.trace.estimate_valid = p.estimator.initialized();
+  MotionState state;
+  if (out.trace.estimate_valid) {
+    state = p.estimator.carried_to(input.now, p.motion, &out.trace.predicted_cov);
+    out.trace.predicted = state.x;
+    out.trace.disturbance_N = state.d_N;
+  }
+
+  MissionInput in;
+  in.now = input.now;
+  in.wish = p.wish;
+  in.telemetry_heard = p.telemetry_heard;
+  in.armed = p.telemetry.armed;
+  in.mode = p.telemetry.mode;
+  in.battery = p.telemetry.battery;
+  in.link = &p.link;
+  in.platform_ready = p.platform.ready() && !p.platform.stale(input.now);
+  in.estimate_valid = out.trace.estimate_valid;
+  in.x = state.x;
+  in.x_seen = p.x_seen;
+  in.seen = p.estimator.last_sight();
+  in.platform = out.trace.platform;
+  in.plan = p.plan;
+  MissionCommand command;
+  {
+    const ProbeScope mission_scope(probe, Stage::mission);
+    command = p.mission.step(in, out);
+  }
+  p.motion.on_ground = command.on_ground;
+  if (command.lifted) {
+    // The ground no longer says what the thrust is worth: at lift-off it equals weight.
+    const double thrust = p.response.at(in.seen).thrust_m_s2;
+    Vector3 d_N = -gravity_N(out.trace.platform).normalized() * (kGravity - thrust);
+    p.estimator.restart_disturbance(d_N);
+    state.d_N = d_N;
+    p.pid.reset();
+  }
+  {
+    const ProbeScope control_scope(probe, Stage::control);
+    p.control(command, input.now, state, out);
+  }
+  out.order = command.order;
+  out.platform_speed_wish = command.platform_speed_wish;
+  out.trace.reference = p.mission.maneuver().at(input.now);
+  out.trace.reference_valid = command.mode == MissionCommand::Mode::track;
+  out.trace.link_delay_ms = p.link.delay_ms();
+  out.trace.heading_offset = p.motion.autopilot_heading;
+  out.trace.events_refused = p.refused;
+  p.last_now = input.now;
+}
+
+}  // namespace alight

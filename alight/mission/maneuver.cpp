@@ -1,0 +1,70 @@
+#include "alight/mission/maneuver.h"
+
+#include <algorithm>
+
+namespace alight {
+
+Maneuver Maneuver::stay(const Vector3& p_NB, double yaw) {
+  Maneuver m;
+  m.rest_.p_NB = p_NB;
+  m.rest_.yaw = yaw;
+  return m;
+}
+
+Maneuver Maneuver::move(const PointToPoint& move) {
+  Maneuver m;
+  m.kind_ = Kind::move;
+  m.move_ = move;
+  return m;
+}
+
+Maneuver Maneuver::landing(const Trajectory& trajectory, Time start, double sink_m) {
+  Maneuver m;
+  m.kind_ = Kind::landing;
+  m.trajectory_ = trajectory;
+  m.start_ = start;
+  m.sink_m_ = sink_m;
+  return m;
+}
+
+FlatState Maneuver::at(Time t) const {
+  switch (kind_) {
+    case Kind::stay:
+      return rest_;
+    case Kind::move:
+      return move_.at(t);
+    case Kind::landing:
+      break;
+  }
+  const Seconds s = to_seconds(t - start_);
+  FlatState state = trajectory_.at(s);
+  if (s < 0) {
+    // Not yet in force: where it begins, standing.
+    state.v_NB.setZero();
+    state.a_NB.setZero();
+    state.j_NB.setZero();
+  } else if (s > trajectory_.duration()) {
+    const double sink = state.v_NB.z() * (s - trajectory_.duration());
+    state.p_NB.z() += std::max(sink, -sink_m_);
+    state.a_NB.setZero();
+    state.j_NB.setZero();
+    if (sink <= -sink_m_) state.v_NB.setZero();
+  }
+  return state;
+}
+
+bool Maneuver::done(Time t) const { return t >= end(); }
+
+Time Maneuver::end() const {
+  switch (kind_) {
+    case Kind::stay:
+      return 0;
+    case Kind::move:
+      return move_.end();
+    case Kind::landing:
+      break;
+  }
+  return start_ + from_seconds(trajectory_.duration());
+}
+
+}  // namespace alight

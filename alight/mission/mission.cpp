@@ -1,0 +1,483 @@
+#include "alight/mission/mission.h"
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+
+namespace alight {
+namespace {
+
+constexpr Seconds kOrderEvery = 0.1;
+// Longer than any gap that a healthy camera and radio leave.
+constexpr Seconds kFreshSight = 0.15;
+
+double horizontal(const Vector3& v) { return v.head<2>().norm(); }
+
+}  // namespace
+
+Mission::Mission(const MissionConfig& config, const Rig& rig)
+    : config_(places_for(config, rig)),
+      gear_height_(rig.drone.gear_height_m),
+      tilt_max_(rig.drone.tilt_max_deg * kDegree) {}
+
+bool Mission::flying() const {
+  switch (status_.state) {
+    case MissionState::taken_off:
+      return airborne_;
+    case MissionState::follow:
+    case MissionState::rendezvous:
+    case MissionState::land:
+    case MissionState::hold:
+    case MissionState::go_around:
+    case MissionState::lost_target:
+    case MissionState::lost_link:
+    case MissionState::aborted:
+      return airborne_;
+    default:
+      return false;
+  }
+}
+
+Seconds Mission::in_state(const MissionInput& in) const {
+  return to_seconds(in.now - status_.since);
+}
+
+void Mission::go(MissionState to, const char* reason, const MissionInput& in,
+                 Output& out) {
+  out.transitions.push_back({in.now, status_.state, to, reason});
+  status_.state = to;
+  status_.reason = reason;
+  status_.since = in.now;
+  settling_ = false;
+  plan_pending_ = false;
+  plan_tries_ = 0;
+  low_ = false;
+  switch (to) {
+    case MissionState::follow:
+      move_to(config_.follow_point, config_.move_speed_m_s, in);
+      break;
+    case MissionState::go_around:
+    case MissionState::lost_target:
+    case MissionState::hold:
+      move_to(config_.follow_point, config_.move_speed_m_s, in);
+      break;
+    case MissionState::rendezvous:
+      move_to(config_.rendezvous_point, config_.move_speed_m_s, in);
+      break;
+    default:
+      break;
+  }
+}
+
+void Mission::move_to(const Vector3& p_NB, double speed, const MissionInput& in) {
+  // From the reference where it is being followed, so that nothing jumps; from the
+  // drone itself where it is not.
+  FlatState from = maneuver_.at(in.now);
+  if ((from.p_NB - in.x.p_NB).norm() > config_.go_around_error_m) {
+    from = FlatState{};
+    from.p_NB = in.x.p_NB;
+    from.v_NB = in.x.v_NB;
+    from.yaw = yaw_of(in.x.R_NB);
+  }
+  MoveLimits limits;
+  limits.speed_m_s = speed;
+  limits.acceleration_m_s2 = config_.move_acceleration_m_s2;
+  maneuver_ = Maneuver::move(PointToPoint(in.now, from, p_NB, 0, limits));
+}
+
+bool Mission::settled(const MissionInput& in) {
+  const FlatState ref = maneuver_.at(in.now);
+  const bool near = maneuver_.done(in.now) && in.estimate_valid &&
+                    to_seconds(in.now - in.seen) < kFreshSight &&
+                    (in.x.p_NB - ref.p_NB).norm() < config_.settle_error_m &&
+                    (in.x.v_NB - ref.v_NB).norm() < config_.settle_speed_m_s;
+  if (!near) {
+    settling_ = false;
+    return false;
+  }
+  if (!settling_) {
+    settling_ = true;
+    settled_since_ = in.now;
+  }
+  return to_seconds(in.now - settled_since_) >= config_.settle_s;
+}
+
+bool Mission::overruled(const MissionInput& in, Output& out) {
+  const MissionState state = status_.state;
+  if (in.wish == OperatorWish::abort) {
+    go(MissionState::aborted, "the operator aborted: the autopilot lands", in, out);
+    return true;
+  }
+  if (in.link->lost(in.now)) {
+    go(MissionState::lost_link, "nothing heard from the drone: its autopilot acts alone",
+       in, out);
+    return true;
+  }
+  if (in.mode == AutopilotMode::land || in.mode == AutopilotMode::failsafe) {
+    go(MissionState::lost_link, "the autopilot's failsafe has taken over", in, out);
+    return true;
+  }
+  if (in.telemetry_heard && !in.armed && state != MissionState::land) {
+    go(MissionState::aborted, "the autopilot stopped its motors", in, out);
+    return true;
+  }
+  if (in.wish == OperatorWish::hold && state != MissionState::hold &&
+      state != MissionState::land) {
+    go(MissionState::hold, "the operator holds", in, out);
+    return true;
+  }
+  return false;
+}
+
+MissionCommand Mission::step(const MissionInput& in, Output& out) {
+  assert(in.link != nullptr);
+  MissionCommand c;
+  c.tilt_limit = in.link->tilt_limit(in.now, tilt_max_);
+  if (in.wish == OperatorWish::go) {
+    wanted_ = true;
+  }
+  switch (status_.state) {
+    case MissionState::idle:
+      idle(in, out);
+      break;
+    case MissionState::armed:
+      armed(in, c, out);
+      break;
+    case MissionState::taken_off:
+      taken_off(in, c, out);
+      break;
+    case MissionState::follow:
+    case MissionState::go_around:
+    case MissionState::hold:
+      follow(in, out);
+      break;
+    case MissionState::rendezvous:
+      rendezvous(in, out);
+      break;
+    case MissionState::land:
+      land(in, c, out);
+      break;
+    case MissionState::shut_down:
+      shut_down(in, c, out);
+      break;
+    case MissionState::lost_target:
+      lost_target(in, out);
+      break;
+    case MissionState::lost_link:
+      lost_link(in, c, out);
+      break;
+    case MissionState::aborted:
+      aborted(in, c, out);
+      break;
+    case MissionState::complete:
+    case MissionState::refused:
+      break;
+  }
+  switch (status_.state) {
+    case MissionState::follow:
+    case MissionState::go_around:
+    case MissionState::hold:
+    case MissionState::rendezvous:
+    case MissionState::land:
+    case MissionState::lost_target:
+      c.mode = Command::Mode::track;
+      break;
+    default:
+      break;
+  }
+  // A platform that can wait does so until it can be followed.
+  const bool on_its_way =
+      status_.state == MissionState::idle || status_.state == MissionState::armed ||
+      status_.state == MissionState::taken_off;
+  c.platform_speed_wish = config_.start_on_floor && on_its_way ? 0 : 1;
+  c.on_ground = !airborne_;
+  out.mission = status_;
+  return c;
+}
+
+void Mission::idle(const MissionInput& in, Output& out) {
+  if (in.estimate_valid) {
+    p_rest_ = in.x_seen.p_NB;
+  }
+  if (in.wish == OperatorWish::abort) {
+    go(MissionState::refused, "the operator aborted before the start", in, out);
+    return;
+  }
+  if (!wanted_) {
+    status_.since = in.now;
+    return;
+  }
+  const char* missing = nullptr;
+  if (!in.link->ever_heard() || !in.link->healthy(in.now)) {
+    missing = "the radio link is not healthy";
+  } else if (!in.telemetry_heard) {
+    missing = "the autopilot sends no telemetry";
+  } else if (!in.platform_ready) {
+    missing = "there is no platform odometry";
+  } else if (!config_.start_on_floor &&
+             (!in.estimate_valid || to_seconds(in.now - in.seen) > kFreshSight)) {
+    missing = "the LEDs are not seen on the pad";
+  }
+  if (missing == nullptr && in.battery < config_.battery_min) {
+    go(MissionState::refused, "the battery is too low to start", in, out);
+  } else if (missing == nullptr) {
+    go(MissionState::armed, "all is ready: arming", in, out);
+  } else if (in_state(in) > config_.ready_timeout_s) {
+    go(MissionState::refused, missing, in, out);
+  }
+}
+
+void Mission::armed(const MissionInput& in, Command& c, Output& out) {
+  if (in.estimate_valid) {
+    p_rest_ = in.x_seen.p_NB;
+  }
+  c.mode = Command::Mode::idle;
+  if (in.wish == OperatorWish::abort) {
+    c.order = AutopilotOrder::disarm;
+    go(MissionState::refused, "the operator aborted before the start", in, out);
+  } else if (in.armed && in.link->healthy(in.now)) {
+    go(MissionState::taken_off, "armed: taking off", in, out);
+  } else if (in_state(in) > config_.arm_timeout_s) {
+    c.order = AutopilotOrder::disarm;
+    c.mode = Command::Mode::silent;
+    go(MissionState::refused, "the autopilot does not arm", in, out);
+  } else if (to_seconds(in.now - last_order_) >= kOrderEvery) {
+    c.order = AutopilotOrder::arm;
+    last_order_ = in.now;
+  }
+}
+
+void Mission::taken_off(const MissionInput& in, Command& c, Output& out) {
+  const bool fresh = in.estimate_valid && to_seconds(in.now - in.seen) < kFreshSight;
+  if (airborne_) {
+    if (overruled(in, out)) return;
+    c.mode = Command::Mode::track;
+    if (!fresh && to_seconds(in.now - in.seen) > config_.sight_lost_s) {
+      go(MissionState::lost_target, "the LEDs are out of sight", in, out);
+      return;
+    }
+    const bool there = (in.x.p_NB - maneuver_.at(in.now).p_NB).norm() < 0.12;
+    if (maneuver_.done(in.now) &&
+        (there || to_seconds(in.now - maneuver_.end()) > 1.5)) {
+      go(MissionState::follow, "clear of the pad: to the follow point", in, out);
+    }
+    return;
+  }
+
+  c.mode = Command::Mode::ramp;
+  const double rate = config_.start_on_floor ? 0.55 * config_.ramp_rate : config_.ramp_rate;
+  c.ramp_share =
+      std::min(config_.ramp_from + rate * in_state(in), config_.ramp_to);
+  const Seconds limit =
+      config_.start_on_floor ? config_.blind_max_s : config_.ramp_timeout_s;
+  if (in.wish == OperatorWish::abort || in.link->lost(in.now) || !in.armed ||
+      in_state(in) > limit) {
+    // From the floor it may fly unseen: only the autopilot can bring it down.
+    c.order = config_.start_on_floor ? AutopilotOrder::land : AutopilotOrder::disarm;
+    c.mode = Command::Mode::silent;
+    airborne_ = config_.start_on_floor;
+    go(config_.start_on_floor ? MissionState::aborted : MissionState::refused,
+       config_.start_on_floor ? "never came into sight: the autopilot lands"
+                              : "did not leave the ground",
+       in, out);
+    return;
+  }
+  const bool lifted =
+      fresh && (config_.start_on_floor ||
+                in.x_seen.p_NB.z() - p_rest_.z() > config_.lift_m);
+  if (!lifted) return;
+  airborne_ = true;
+  c.lifted = true;
+  c.mode = Command::Mode::track;
+  FlatState from;
+  from.p_NB = in.x.p_NB;
+  from.v_NB = in.x.v_NB;
+  from.yaw = yaw_of(in.x.R_NB);
+  maneuver_ = Maneuver::stay(from.p_NB, from.yaw);
+  if (config_.start_on_floor) {
+    go(MissionState::follow, "in sight: to the follow point", in, out);
+    return;
+  }
+  MoveLimits limits;
+  limits.speed_m_s = config_.climb_speed_m_s;
+  limits.acceleration_m_s2 = config_.move_acceleration_m_s2;
+  const Vector3 up(p_rest_.x(), p_rest_.y(), config_.take_off_height_m);
+  maneuver_ = Maneuver::move(PointToPoint(in.now, from, up, 0, limits));
+}
+
+void Mission::follow(const MissionInput& in, Output& out) {
+  if (overruled(in, out)) return;
+  if (to_seconds(in.now - in.seen) > config_.sight_lost_s) {
+    go(MissionState::lost_target, "the LEDs are out of sight", in, out);
+    return;
+  }
+  const bool there = settled(in);
+  if (status_.state == MissionState::hold) {
+    if (in.wish == OperatorWish::go) {
+      status_.attempts = 0;
+      go(MissionState::follow, "the operator goes on", in, out);
+    }
+    return;
+  }
+  if (!there) return;
+  if (status_.attempts >= config_.attempts_max) {
+    go(MissionState::hold, "too many landings have failed", in, out);
+  } else {
+    go(MissionState::rendezvous, "following well: to the rendezvous", in, out);
+  }
+}
+
+void Mission::request_plan(const MissionInput& in, Output& out) {
+  PlanRequest& request = out.plan_request;
+  request = PlanRequest{};
+  request.id = ++plan_id_;
+  request.start = in.now + from_seconds(config_.plan_ahead_s);
+  request.from = maneuver_.at(request.start);
+  request.platform = predict(in.platform, config_.plan_ahead_s);
+  request.platform.t = request.start;
+  out.has_plan_request = true;
+  plan_pending_ = true;
+  plan_asked_ = in.now;
+  ++plan_tries_;
+}
+
+void Mission::rendezvous(const MissionInput& in, Output& out) {
+  if (overruled(in, out)) return;
+  if (to_seconds(in.now - in.seen) > config_.sight_lost_s) {
+    go(MissionState::lost_target, "the LEDs are out of sight", in, out);
+    return;
+  }
+  if (in.plan != nullptr && plan_pending_ && in.plan->result.id == plan_id_) {
+    plan_pending_ = false;
+    const PlanResult& plan = in.plan->result;
+    if (!plan.ok()) {
+      plan_trouble_ = plan.reason;
+    } else if (in.now > plan.start) {
+      plan_trouble_ = "the plan came too late";
+    } else {
+      ++status_.attempts;
+      go(MissionState::land, "the landing is planned", in, out);
+      maneuver_ = Maneuver::landing(plan.trajectory, plan.start, config_.sink_m);
+      committed_ = false;
+      return;
+    }
+  }
+  if (!settled(in)) return;
+  const bool waited = to_seconds(in.now - plan_asked_) > config_.plan_retry_s;
+  if (plan_tries_ > 0 && !waited) return;
+  if (plan_tries_ >= config_.plan_tries) {
+    ++status_.attempts;
+    go(MissionState::follow, plan_pending_ ? "the planner does not answer" : plan_trouble_,
+       in, out);
+    return;
+  }
+  request_plan(in, out);
+}
+
+bool Mission::touched_down(const MissionInput& in) {
+  const FlatState ref = maneuver_.at(in.now);
+  const double z = in.x_seen.p_NB.z();
+  const bool may_stand = z < gear_height_ + config_.touch_height_m &&
+                         ref.p_NB.z() < gear_height_ - 0.3 * config_.sink_m;
+  if (!may_stand) {
+    low_ = false;
+    return false;
+  }
+  // Still sinking, if slowly: not yet.
+  if (!low_ || z < low_z_ - 0.006) {
+    low_ = true;
+    low_since_ = in.now;
+    low_z_ = z;
+  }
+  return to_seconds(in.now - low_since_) >= config_.touch_settled_s;
+}
+
+void Mission::land(const MissionInput& in, Command& c, Output& out) {
+  if (overruled(in, out)) return;
+  const FlatState ref = maneuver_.at(in.now);
+  const Vector3 error = in.x.p_NB - ref.p_NB;
+  const Seconds unseen = to_seconds(in.now - in.seen);
+
+  if (config_.cut_height_m > 0 && maneuver_.done(in.now) &&
+      in.x.p_NB.z() < config_.cut_height_m + 0.05) {
+    go(MissionState::shut_down, "over the pad: thrust is cut", in, out);
+    c.mode = Command::Mode::idle;
+    return;
+  }
+  if (touched_down(in)) {
+    go(MissionState::shut_down, "stands on the pad", in, out);
+    return;
+  }
+  if (!committed_) {
+    if (in.wish == OperatorWish::hold) {
+      go(MissionState::hold, "the operator holds", in, out);
+    } else if (unseen > config_.sight_lost_s) {
+      go(MissionState::lost_target, "the LEDs are out of sight", in, out);
+    } else if (error.norm() > config_.go_around_error_m) {
+      go(MissionState::go_around, "too far from the trajectory", in, out);
+    } else if (in.x.p_NB.z() < config_.commit_height_m &&
+               ref.p_NB.z() < config_.commit_height_m &&
+               horizontal(ref.p_NB) < 0.5 * config_.go_around_error_m) {
+      if (horizontal(error) > config_.commit_error_m) {
+        go(MissionState::go_around, "not over the pad at the commit height", in, out);
+      } else {
+        committed_ = true;
+      }
+    }
+    return;
+  }
+  if (to_seconds(in.now - maneuver_.end()) > config_.landing_overtime_s) {
+    go(MissionState::go_around, "no touch-down where the pad should be", in, out);
+  }
+}
+
+void Mission::shut_down(const MissionInput& in, Command& c, Output& out) {
+  c.mode = Command::Mode::idle;
+  if (in.telemetry_heard && !in.armed) {
+    airborne_ = false;
+    c.mode = Command::Mode::silent;
+    go(MissionState::complete, "motors stopped", in, out);
+    return;
+  }
+  if (to_seconds(in.now - last_order_) >= kOrderEvery) {
+    c.order = AutopilotOrder::disarm;
+    last_order_ = in.now;
+  }
+}
+
+void Mission::lost_target(const MissionInput& in, Output& out) {
+  if (overruled(in, out)) return;
+  if (to_seconds(in.now - in.seen) < kFreshSight) {
+    go(MissionState::go_around, "the LEDs are in sight again", in, out);
+  } else if (in_state(in) > config_.give_up_s || !in.estimate_valid) {
+    go(MissionState::aborted, "the LEDs stay out of sight: the autopilot lands", in, out);
+  }
+}
+
+void Mission::lost_link(const MissionInput& in, Command& c, Output& out) {
+  const bool autopilot_acts =
+      in.mode == AutopilotMode::land || in.mode == AutopilotMode::failsafe;
+  if (in.link->healthy(in.now)) {
+    if (in.telemetry_heard && !in.armed) {
+      airborne_ = false;
+      go(MissionState::complete, "the autopilot landed by itself", in, out);
+    } else if (!autopilot_acts && in.estimate_valid &&
+               to_seconds(in.now - in.seen) < kFreshSight) {
+      go(MissionState::go_around, "the link is back", in, out);
+      c.mode = Command::Mode::track;
+    }
+  }
+}
+
+void Mission::aborted(const MissionInput& in, Command& c, Output&) {
+  if (in.telemetry_heard && !in.armed) {
+    airborne_ = false;
+    return;
+  }
+  if (to_seconds(in.now - last_order_) >= kOrderEvery) {
+    c.order = AutopilotOrder::land;
+    last_order_ = in.now;
+  }
+}
+
+}  // namespace alight

@@ -1,0 +1,107 @@
+#pragma once
+#include "alight/mission/landing_io.h"
+#include "alight/mission/link_monitor.h"
+#include "alight/mission/maneuver.h"
+#include "alight/mission/mission_config.h"
+
+namespace alight {
+
+/// What the mission knows when it decides.
+struct MissionInput {
+  Time now = 0;
+  OperatorWish wish = OperatorWish::none;  ///< The newest, since the last step.
+
+  bool telemetry_heard = false;
+  bool armed = false;
+  AutopilotMode mode = AutopilotMode::manual;
+  double battery = 1;
+
+  const LinkMonitor* link = nullptr;
+  bool platform_ready = false;  ///< Odometry is fresh.
+
+  bool estimate_valid = false;  ///< There is a state, if only a predicted one.
+  RelativeState x;              ///< At now.
+  RelativeState x_seen;         ///< At the last picture.
+  Time seen = 0;                ///< When that was captured.
+  PlatformState platform;       ///< At now.
+
+  const PlanArrival* plan = nullptr;  ///< Arrived since the last step.
+};
+
+/// What control is asked to do.
+struct MissionCommand {
+  enum class Mode : std::uint8_t {
+    silent,  ///< Nothing is sent.
+    idle,    ///< Attitude level with the platform, no thrust.
+    ramp,    ///< Level, thrust as told: the drone leaves the ground.
+    track    ///< Feedback on the maneuver.
+  };
+  Mode mode = Mode::silent;
+  double ramp_share = 0;  ///< Of the nominal hover thrust.
+  double tilt_limit = 0;  ///< rad
+  AutopilotOrder order = AutopilotOrder::none;
+  double platform_speed_wish = 1;
+  bool on_ground = true;  ///< The ground carries the drone: thrust does not move it.
+  bool lifted = false;    ///< In this step it left the ground.
+};
+
+/// The mission's state machine (paper, fig:fsm, and what it lacks). Decides where to
+/// fly; how is control's.
+class Mission {
+ public:
+  Mission(const MissionConfig& config, const Rig& rig);
+
+  /// @param request  Filled in when a plan is wanted; `has_request` says so.
+  MissionCommand step(const MissionInput& in, Output& out);
+
+  const Maneuver& maneuver() const { return maneuver_; }
+  const MissionStatus& status() const { return status_; }
+  bool flying() const;
+
+ private:
+  using Command = MissionCommand;
+  void go(MissionState to, const char* reason, const MissionInput& in, Output& out);
+  void move_to(const Vector3& p_NB, double speed, const MissionInput& in);
+  void request_plan(const MissionInput& in, Output& out);
+  bool settled(const MissionInput& in);
+  bool overruled(const MissionInput& in, Output& out);
+  Seconds in_state(const MissionInput& in) const;
+
+  void idle(const MissionInput& in, Output& out);
+  void armed(const MissionInput& in, Command& c, Output& out);
+  void taken_off(const MissionInput& in, Command& c, Output& out);
+  void follow(const MissionInput& in, Output& out);
+  void rendezvous(const MissionInput& in, Output& out);
+  void land(const MissionInput& in, Command& c, Output& out);
+  void shut_down(const MissionInput& in, Command& c, Output& out);
+  void lost_target(const MissionInput& in, Output& out);
+  void lost_link(const MissionInput& in, Command& c, Output& out);
+  void aborted(const MissionInput& in, Command& c, Output& out);
+  bool touched_down(const MissionInput& in);
+
+  MissionConfig config_;
+  double gear_height_;
+  double tilt_max_;
+  MissionStatus status_;
+  Maneuver maneuver_;
+  bool wanted_ = false;   // the operator said go
+  bool airborne_ = false;
+  Vector3 p_rest_ = Vector3::Zero();  // where it stood before take-off
+
+  Time settled_since_ = 0;
+  bool settling_ = false;
+  Time last_order_ = 0;
+  // Planning.
+  std::uint32_t plan_id_ = 0;
+  bool plan_pending_ = false;
+  Time plan_asked_ = 0;
+  int plan_tries_ = 0;
+  const char* plan_trouble_ = "";
+  bool committed_ = false;
+  // Touch-down.
+  bool low_ = false;
+  Time low_since_ = 0;
+  double low_z_ = 0;
+};
+
+}  // namespace alight

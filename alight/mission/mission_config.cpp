@@ -1,0 +1,80 @@
+#include "alight/mission/mission_config.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace alight {
+namespace {
+
+// Distances from the lens along the optical axis, in multiples of the distance from
+// lens to pad: far enough to see the whole approach, near enough to see well.
+constexpr double kRendezvousDistance = 2.4;
+constexpr double kFollowDistance = 3.1;
+constexpr double kBorderPx = 40;
+
+bool in_view(const Rig& rig, const Vector3& p_NB) {
+  for (int i = 0; i < rig.leds.size(); ++i) {
+    const auto uv = project_led(rig.camera, make_pose(Matrix3::Identity(), p_NB),
+                                rig.leds.p_BL(i));
+    if (!uv || !rig.camera.intrinsics.contains(*uv, kBorderPx)) return false;
+  }
+  return true;
+}
+
+}  // namespace
+
+Result<void> MissionConfig::validate() const {
+  const struct {
+    const char* name;
+    double value, low, high;
+  } bounds[] = {
+      {"take_off_height_m", take_off_height_m, 0, 20},
+      {"climb_speed_m_s", climb_speed_m_s, 0.05, 5},
+      {"move_speed_m_s", move_speed_m_s, 0.05, 10},
+      {"move_acceleration_m_s2", move_acceleration_m_s2, 0.1, 10},
+      {"plan_ahead_s", plan_ahead_s, 0.01, 1},
+      {"commit_height_m", commit_height_m, 0, 5},
+      {"sink_m", sink_m, 0, 0.5},
+      {"ramp_from", ramp_from, 0, 1},
+      {"ramp_rate", ramp_rate, 0.05, 5},
+      {"ramp_to", ramp_to, 1, 2.5},
+      {"battery_min", battery_min, 0, 1},
+      {"give_up_s", give_up_s, 0.1, 30},
+  };
+  for (const auto& b : bounds) {
+    if (!(b.value >= b.low && b.value <= b.high)) {
+      return fail(Fault::invalid_config, std::string("mission.") + b.name + " is " +
+                                             std::to_string(b.value) + ", must lie in [" +
+                                             std::to_string(b.low) + ", " +
+                                             std::to_string(b.high) + "]");
+    }
+  }
+  if (!follow_point.allFinite() || !rendezvous_point.allFinite()) {
+    return fail(Fault::invalid_config, "mission: a point is not finite");
+  }
+  return {};
+}
+
+MissionConfig places_for(MissionConfig config, const Rig& rig) {
+  const Pose& X_NC = rig.camera.X_NC;
+  const double reach = X_NC.translation().head<2>().norm();
+  const double unit = std::max(reach, 2.5 * rig.drone.size_m);
+  const auto on_axis = [&](double distance) {
+    return Vector3(X_NC * Vector3(0, 0, distance * unit));
+  };
+  if (config.rendezvous_point.isZero()) {
+    config.rendezvous_point = on_axis(kRendezvousDistance);
+  }
+  if (config.follow_point.isZero()) config.follow_point = on_axis(kFollowDistance);
+  if (config.take_off_height_m <= 0) {
+    const double gear = rig.drone.gear_height_m;
+    double height = gear;
+    while (height < gear + 0.3 && in_view(rig, Vector3(0, 0, height + 0.01))) {
+      height += 0.01;
+    }
+    config.take_off_height_m = std::max(gear + 0.08, height);
+  }
+  return config;
+}
+
+}  // namespace alight

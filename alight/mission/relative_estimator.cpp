@@ -1,0 +1,244 @@
+#include "alight/mission/relative_estimator.h"
+
+#include <cmath>
+
+namespace alight {
+namespace {
+
+Covariance9 covariance_of(const PoseFit& fit, double velocity_sd) {
+  Covariance9 cov = Covariance9::Zero();
+  cov.topLeftCorner<6, 6>() = 4 * fit.cov;  // one picture's own word, taken with care
+  cov.topLeftCorner<3, 3>().diagonal().array() += 1e-6;
+  cov.block<3, 3>(3, 3).diagonal().array() += 1e-5;
+  cov.bottomRightCorner<3, 3>().diagonal().setConstant(velocity_sd * velocity_sd);
+  return cov;
+}
+
+}  // namespace
+
+Result<void> RelativeEstimatorConfig::validate() const {
+  if (auto good = blobs.validate(); !good) return good;
+  if (auto good = finder.validate(); !good) return good;
+  if (auto good = tracker.validate(); !good) return good;
+  if (auto good = filter.validate(); !good) return good;
+  if (!(prediction_step_ms >= 1 && prediction_step_ms <= 50)) {
+    return fail(Fault::invalid_config, "prediction_step_ms must lie in [1, 50]");
+  }
+  if (misses_before_search < 1) {
+    return fail(Fault::invalid_config, "misses_before_search must be at least 1");
+  }
+  if (!(forget_after_s > 0 && reprojection_max_px > 0 && search_gate_m >= 0)) {
+    return fail(Fault::invalid_config,
+                "forget_after_s, reprojection_max_px and search_gate_m must be positive");
+  }
+  return {};
+}
+
+RelativeEstimatorConfig RelativeEstimatorConfig::paper() {
+  RelativeEstimatorConfig config;
+  config.blobs.smooth = true;
+  config.finder.profile = LedFinderConfig::Profile::paper;
+  config.tracker.profile = LedTrackerConfig::Profile::paper;
+  config.filter = RelativeFilterConfig::paper();
+  config.reprojection_max_px = 10;
+  return config;
+}
+
+RelativeEstimatorConfig RelativeEstimatorConfig::camera_only() {
+  RelativeEstimatorConfig config;
+  config.filter = RelativeFilterConfig::camera_only();
+  return config;
+}
+
+PredictionInput NoMotion::at(Time t, const RelativeState&) const {
+  PredictionInput input;
+  input.platform.t = t;
+  input.f_N = Vector3(0, 0, kGravity);
+  return input;
+}
+
+RelativeEstimator::RelativeEstimator(const RelativeEstimatorConfig& config,
+                                     BlobDetector detector, LedFinder finder,
+                                     LedTracker tracker, RelativeFilter filter)
+    : config_(config),
+      step_(from_seconds(config.prediction_step_ms * 1e-3)),
+      detector_(std::move(detector)),
+      finder_(std::move(finder)),
+      tracker_(std::move(tracker)),
+      filter_(std::move(filter)) {}
+
+Result<RelativeEstimator> RelativeEstimator::create(const RelativeEstimatorConfig& config,
+                                                    const Rig& rig) {
+  if (auto good = rig.validate(); !good) return fail(good.error());
+  if (auto good = config.validate(); !good) return fail(good.error());
+  auto detector = BlobDetector::create(config.blobs, rig.camera.intrinsics.width,
+                                       rig.camera.intrinsics.height);
+  if (!detector) return fail(detector.error());
+  auto finder = LedFinder::create(config.finder, rig.camera, rig.leds);
+  if (!finder) return fail(finder.error());
+  auto tracker = LedTracker::create(config.tracker, rig.camera, rig.leds);
+  if (!tracker) return fail(tracker.error());
+  auto filter = RelativeFilter::create(config.filter, rig.camera, rig.leds);
+  if (!filter) return fail(filter.error());
+  return RelativeEstimator(config, std::move(*detector), std::move(*finder),
+                           std::move(*tracker), std::move(*filter));
+}
+
+bool RelativeEstimator::fuse(const CameraFrame& frame, const MotionSource& motion,
+                             FrameReport& out, Probe* probe) {
+  out = FrameReport{};
+  out.t = frame.captured;
+  if (frame.captured <= last_frame_) {
+    out.why_not = "not newer than the last picture";
+    return false;
+  }
+  if (filter_.initialized()) {
+    const ProbeScope scope(probe, Stage::filter);
+    const auto done =
+        filter_.predict_through(frame.captured, step_, [&](Time t) {
+          return motion.at(t, filter_.state());
+        });
+    if (!done || to_seconds(frame.captured - last_sight_) > config_.forget_after_s) {
+      filter_.stop();
+    }
+  }
+  last_frame_ = frame.captured;
+
+  if (filter_.initialized()) {
+    if (follow(frame, out, probe)) {
+      misses_ = 0;
+    } else if (++misses_ >= config_.misses_before_search) {
+      search(frame, out, probe);
+    }
+  } else {
+    search(frame, out, probe);
+  }
+  if (out.tracked) last_sight_ = frame.captured;
+  if (filter_.initialized()) report_state(out);
+  return true;
+}
+
+bool RelativeEstimator::follow(const CameraFrame& frame, FrameReport& out, Probe* probe) {
+  const Pose X_NB = filter_.state().X_NB();
+  const Matrix6 cov = filter_.tracking_covariance().topLeftCorner<6, 6>();
+  const Roi roi = tracker_.roi(X_NB, cov);
+  if (roi.empty()) {
+    out.why_not = "expected outside the picture";
+    return false;
+  }
+  Result<BlobSpan> blobs = fail(Fault::invalid_input);
+  {
+    const ProbeScope scope(probe, Stage::detect);
+    blobs = detector_.detect(frame.color, frame.depth, roi);
+  }
+  if (!blobs) {
+    out.why_not = "the picture cannot be read";
+    return false;
+  }
+  out.blobs = static_cast<int>(blobs->size());
+  LedFrame leds;
+  {
+    const ProbeScope scope(probe, Stage::associate);
+    leds = tracker_.track(*blobs, X_NB, cov, frame.captured);
+  }
+  out.refused = leds.refused;
+  const ProbeScope scope(probe, Stage::filter);
+  const auto report = filter_.update(leds);
+  if (!report) {
+    out.why_not = leds.seen.empty() ? "no LED where one is expected"
+                                    : "picture and prediction contradict each other";
+    return false;
+  }
+  for (const ObservationReport& seen : report->seen) {
+    LedUse use;
+    use.observation.leds = seen.leds;
+    use.observation.uv = seen.uv;
+    use.nis = seen.nis;
+    out.leds.push_back(use);
+  }
+  for (const RefusedBlob& refused : report->refused) out.refused.push_back(refused);
+  out.reprojection_px = report->reprojection_px;
+  // Fewer than three directions leave the pose to the prediction.
+  out.tracked = report->used >= 3 && report->reprojection_px < config_.reprojection_max_px;
+  if (!out.tracked) out.why_not = "too few LEDs fit";
+  return out.tracked;
+}
+
+void RelativeEstimator::search(const CameraFrame& frame, FrameReport& out, Probe* probe) {
+  Result<BlobSpan> blobs = fail(Fault::invalid_input);
+  {
+    const ProbeScope scope(probe, Stage::detect);
+    blobs = detector_.detect(frame.color, frame.depth);
+  }
+  if (!blobs) {
+    out.why_not = "the picture cannot be read";
+    return;
+  }
+  out.blobs = static_cast<int>(blobs->size());
+  Result<FoundLeds> found = fail(Fault::too_few_points);
+  {
+    const ProbeScope scope(probe, Stage::associate);
+    found = finder_.find(*blobs, frame.captured);
+  }
+  if (!found) {
+    out.why_not = found.error().fault == Fault::ambiguous
+                      ? "two poses explain the picture"
+                      : "no pose explains the picture";
+    return;
+  }
+  RelativeState x;
+  x.p_NB = found->fit.X_NB.translation();
+  x.R_NB = found->fit.X_NB.linear();
+  double velocity_sd = 1.5;
+  Vector3 d_N = Vector3::Zero();
+  if (filter_.initialized() &&
+      (filter_.state().p_NB - x.p_NB).norm() < config_.search_gate_m) {
+    x.v_NB = filter_.state().v_NB;
+    d_N = filter_.disturbance_N();
+    velocity_sd = std::max(0.3, 2 * filter_.velocity_sd());
+  }
+  filter_.reset(frame.captured, x, covariance_of(found->fit, velocity_sd), d_N);
+  misses_ = 0;
+  out.leds.clear();
+  for (const LedObservation& seen : found->frame.seen) out.leds.push_back({seen, 0});
+  out.refused = found->frame.refused;
+  out.reprojection_px = found->fit.rms_px;
+  out.tracked = true;
+  out.initialized = true;
+  out.why_not = "";
+}
+
+void RelativeEstimator::report_state(FrameReport& out) const {
+  out.x = filter_.state();
+  out.cov = filter_.covariance();
+}
+
+MotionState RelativeEstimator::carried_to(Time t, const MotionSource& motion,
+                                          Covariance9* cov) const {
+  if (cov == nullptr) {
+    return carried_on(filter_.motion_state(), filter_.time(), t, motion);
+  }
+  RelativeFilter ahead = filter_;
+  (void)ahead.predict_through(t, 2 * step_,
+                              [&](Time at) { return motion.at(at, ahead.state()); });
+  *cov = ahead.covariance();
+  return ahead.motion_state();
+}
+
+MotionState RelativeEstimator::carried_on(MotionState from, Time t_from, Time t,
+                                          const MotionSource& motion) const {
+  while (t_from < t) {
+    const Time next = std::min(t, t_from + step_);
+    from = extrapolate(from, motion.at(t_from, from.x), to_seconds(next - t_from),
+                       config_.filter.model);
+    t_from = next;
+  }
+  return from;
+}
+
+void RelativeEstimator::restart_disturbance(const Vector3& d_N) {
+  if (!filter_.initialized()) return;
+  filter_.reset(filter_.time(), filter_.state(), filter_.tracking_covariance(), d_N);
+}
+
+}  // namespace alight

@@ -1,0 +1,92 @@
+#pragma once
+#include "alight/estimation/relative_filter.h"
+#include "alight/mission/landing_io.h"
+#include "alight/vision/blob_detector.h"
+#include "alight/vision/led_finder.h"
+#include "alight/vision/led_tracker.h"
+
+namespace alight {
+
+struct RelativeEstimatorConfig {
+  BlobDetectorConfig blobs;
+  LedFinderConfig finder;
+  LedTrackerConfig tracker;
+  RelativeFilterConfig filter;
+  double prediction_step_ms = 5;  ///< Inputs are held this long.
+  int misses_before_search = 3;   ///< Frames without a match before the whole picture
+                                  ///< is searched.
+  double forget_after_s = 2;      ///< Prediction alone is believed this long.
+  double reprojection_max_px = 4; ///< A worse fit counts as a miss.
+  double search_gate_m = 0.5;     ///< A search's answer this near to the prediction
+                                  ///< keeps the predicted velocity.
+
+  Result<void> validate() const;
+  static RelativeEstimatorConfig paper();
+  /// Pictures alone, nothing known of set-points or platform: for recorded pictures.
+  static RelativeEstimatorConfig camera_only();
+};
+
+/// What moves the drone between pictures. Asked for times in any order.
+class MotionSource {
+ public:
+  virtual ~MotionSource() = default;
+  virtual PredictionInput at(Time t, const RelativeState& x) const = 0;
+};
+
+/// Nothing known: hover, platform at rest.
+class NoMotion final : public MotionSource {
+ public:
+  PredictionInput at(Time t, const RelativeState& x) const override;
+};
+
+/// From pictures to the relative state (paper, sec:RSE): detect, find or follow the
+/// correspondences, filter. Each picture is fused at its time of capture.
+///
+/// No clock and, after `create`, no allocation.
+class RelativeEstimator {
+ public:
+  static Result<RelativeEstimator> create(const RelativeEstimatorConfig& config,
+                                          const Rig& rig);
+
+  /// Fuses one picture. `out` tells what became of it; a picture that is older than
+  /// the last or damaged changes nothing (`out.why_not`).
+  /// @returns false when the picture was refused as such.
+  bool fuse(const CameraFrame& frame, const MotionSource& motion, FrameReport& out,
+            Probe* probe = nullptr);
+
+  bool initialized() const { return filter_.initialized(); }
+  /// Capture time of the last picture that was tracked; only when initialized.
+  Time last_sight() const { return last_sight_; }
+  const RelativeFilter& filter() const { return filter_; }
+
+  /// State carried to `t` (any time at or after the last picture), inputs by `motion`.
+  /// `cov`, when given, receives the covariance. @pre initialized().
+  MotionState carried_to(Time t, const MotionSource& motion,
+                         Covariance9* cov = nullptr) const;
+  /// Goes on from an earlier answer.
+  MotionState carried_on(MotionState from, Time t_from, Time t,
+                         const MotionSource& motion) const;
+
+  /// The specific force that the model could not know at lift-off, as a disturbance.
+  void restart_disturbance(const Vector3& d_N);
+  void forget() { filter_.stop(); }
+
+ private:
+  RelativeEstimator(const RelativeEstimatorConfig& config, BlobDetector detector,
+                    LedFinder finder, LedTracker tracker, RelativeFilter filter);
+  void search(const CameraFrame& frame, FrameReport& out, Probe* probe);
+  bool follow(const CameraFrame& frame, FrameReport& out, Probe* probe);
+  void report_state(FrameReport& out) const;
+
+  RelativeEstimatorConfig config_;
+  Time step_;
+  BlobDetector detector_;
+  LedFinder finder_;
+  LedTracker tracker_;
+  RelativeFilter filter_;
+  Time last_frame_ = INT64_MIN;
+  Time last_sight_ = 0;
+  int misses_ = 0;
+};
+
+}  // namespace alight
