@@ -1,0 +1,148 @@
+#include "alight/sim/scenario.h"
+
+#include <array>
+#include <cmath>
+#include <sstream>
+
+namespace alight {
+namespace {
+
+template <class Enum, std::size_t N>
+struct Names {
+  std::array<const char*, N> text;
+
+  const char* of(Enum value) const { return text[static_cast<std::size_t>(value)]; }
+  std::optional<Enum> find(std::string_view name) const {
+    for (std::size_t k = 0; k < N; ++k) {
+      if (name == text[k]) return static_cast<Enum>(k);
+    }
+    return std::nullopt;
+  }
+};
+
+constexpr Names<PlatformKind, 7> kPlatforms{
+    {"still", "straight", "circle", "block", "eight", "recorded", "boat"}};
+constexpr Names<StartPlace, 2> kPlaces{{"pad", "floor"}};
+constexpr Names<Gusts, 2> kGusts{{"none", "dryden"}};
+constexpr Names<AutopilotInterface, 2> kInterfaces{{"attitude", "velocity"}};
+constexpr Names<FaultKind, 6> kFaults{{"radio_out", "telemetry_out", "odometry_out",
+                                       "odometry_jump", "camera_out", "gust"}};
+
+/// Keeps the first complaint.
+class Check {
+ public:
+  void range(const std::string& name, double value, double low, double high) {
+    if (!complaint_.empty() || (value >= low && value <= high)) return;
+    std::ostringstream text;
+    text << name << " is " << value << ", must lie in [" << low << ", " << high << "]";
+    complaint_ = text.str();
+  }
+  void that(bool holds, const char* complaint) {
+    if (complaint_.empty() && !holds) complaint_ = complaint;
+  }
+  Result<void> result() const {
+    if (complaint_.empty()) return {};
+    return fail(Fault::invalid_config, complaint_);
+  }
+
+ private:
+  std::string complaint_;
+};
+
+}  // namespace
+
+const char* to_string(PlatformKind kind) { return kPlatforms.of(kind); }
+const char* to_string(StartPlace place) { return kPlaces.of(place); }
+const char* to_string(Gusts gusts) { return kGusts.of(gusts); }
+const char* to_string(AutopilotInterface kind) { return kInterfaces.of(kind); }
+const char* to_string(FaultKind kind) { return kFaults.of(kind); }
+std::optional<PlatformKind> platform_kind(std::string_view name) {
+  return kPlatforms.find(name);
+}
+std::optional<StartPlace> start_place(std::string_view name) {
+  return kPlaces.find(name);
+}
+std::optional<Gusts> gusts_kind(std::string_view name) { return kGusts.find(name); }
+std::optional<AutopilotInterface> autopilot_interface(std::string_view name) {
+  return kInterfaces.find(name);
+}
+std::optional<FaultKind> fault_kind(std::string_view name) {
+  return kFaults.find(name);
+}
+
+Result<void> Scenario::validate() const {
+  Check check;
+  check.that(platform.kind != PlatformKind::recorded,
+             "platform.kind is recorded, which is not built yet; use another kind");
+  check.range("platform.speed_m_s", platform.speed_m_s, 0, 20);
+  check.range("platform.radius_m", platform.radius_m, 0.3, 1000);
+  check.range("platform.side_m", platform.side_m, 0.5, 1000);
+  check.range("platform.corner_radius_m", platform.corner_radius_m, 0,
+              platform.side_m / 2);
+  check.range("platform.yaw_rate_max_deg_s", platform.yaw_rate_max_deg_s, 1, 360);
+  check.range("platform.sea.heave_m", platform.sea.heave_m, 0, 5);
+  check.range("platform.sea.roll_deg", platform.sea.roll_deg, 0, 45);
+  check.range("platform.sea.pitch_deg", platform.sea.pitch_deg, 0, 45);
+  check.range("platform.sea.period_s", platform.sea.period_s, 1, 60);
+  check.range("wind.mean_m_s", wind.mean_m_s, 0, 30);
+  check.range("wind.from_deg", wind.from_deg, -360, 360);
+  check.range("radio.latency_ms", radio.latency_ms, 0, 2000);
+  check.range("radio.jitter_ms", radio.jitter_ms, 0, 1000);
+  check.range("radio.loss", radio.loss, 0, 1);
+  check.range("radio.burst_ms", radio.burst_ms, 0, 5000);
+  check.range("radio.queue", radio.queue, 1, 256);
+  check.range("camera.lights", camera.lights, 0, 1000);
+  check.range("camera.pad_reflectance", camera.pad_reflectance, 0, 1);
+  check.range("camera.jpeg", camera.jpeg, 0, 100);
+  check.range("camera.noise", camera.noise, 0, 100);
+  check.range("odometry.rate_hz", odometry.rate_hz, 1, 500);
+  check.range("odometry.latency_ms", odometry.latency_ms, 0, 500);
+  check.range("odometry.scale_error", odometry.scale_error, 0, 0.5);
+  check.range("odometry.yaw_rate_bias_deg_s", odometry.yaw_rate_bias_deg_s, 0, 90);
+  check.range("odometry.slip", odometry.slip, 0, 0.5);
+  check.range("odometry.imu_rate_hz", odometry.imu_rate_hz, 0, 500);
+  check.range("autopilot.heading_drift_deg_min", autopilot.heading_drift_deg_min, 0,
+              360);
+  check.range("autopilot.tilt_error_deg", autopilot.tilt_error_deg, 0, 20);
+  check.range("rig_error.led_mm", rig_error.led_mm, 0, 50);
+  check.range("rig_error.led_frame_deg", rig_error.led_frame_deg, 0, 30);
+  check.range("rig_error.mount_mm", rig_error.mount_mm, 0, 200);
+  check.range("rig_error.mount_deg", rig_error.mount_deg, 0, 20);
+  check.range("rig_error.focal", rig_error.focal, 0, 0.2);
+  check.range("rig_error.principal_px", rig_error.principal_px, 0, 100);
+  check.range("rig_error.mass", rig_error.mass, 0, 0.5);
+  check.range("rig_error.com_mm", rig_error.com_mm, 0, 50);
+  check.range("rig_error.thrust", rig_error.thrust, 0, 0.5);
+  check.range("planner_delay_ms", planner_delay_ms, 0, 5000);
+  for (std::size_t k = 0; k < faults.size(); ++k) {
+    const std::string name = "faults[" + std::to_string(k) + "].";
+    check.range(name + "at_s", faults[k].at_s, 0, 3600);
+    check.range(name + "for_s", faults[k].for_s, 0, 3600);
+    check.range(name + "amount", faults[k].amount, -100, 100);
+  }
+  return check.result();
+}
+
+Scenario perfect_world(Scenario scenario) {
+  scenario.wind = {};
+  scenario.radio = {.latency_ms = 0, .jitter_ms = 0, .loss = 0, .burst_ms = 0};
+  scenario.odometry.latency_ms = 0;
+  scenario.odometry.scale_error = 0;
+  scenario.odometry.yaw_rate_bias_deg_s = 0;
+  scenario.odometry.slip = 0;
+  scenario.autopilot.heading_drift_deg_min = 0;
+  scenario.autopilot.tilt_error_deg = 0;
+  scenario.rig_error = {.led_mm = 0,
+                        .led_frame_deg = 0,
+                        .mount_mm = 0,
+                        .mount_deg = 0,
+                        .focal = 0,
+                        .principal_px = 0,
+                        .mass = 0,
+                        .com_mm = 0,
+                        .thrust = 0};
+  scenario.faults.clear();
+  return scenario;
+}
+
+}  // namespace alight
