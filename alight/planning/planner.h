@@ -63,7 +63,8 @@ struct PlanQp {
   Eigen::MatrixXd P, A, G;
   Eigen::VectorXd q, b, h;
   std::vector<Constraint> meaning;  ///< Of each row of G.
-  Eigen::VectorXd x;                ///< The solution.
+  Eigen::VectorXd x;                ///< The solution,
+  Eigen::VectorXd z;                ///< and the multipliers of G.
   double constant = 0;              ///< jerk cost = cost + constant
 };
 
@@ -73,7 +74,7 @@ struct PlanDetails {
   std::vector<HalfSpace> halfspaces;
   double speed_m_s = 0;
   double acceleration_m_s2 = 0;
-  std::vector<LimitFace> polyhedron;  ///< For a limit of 1; empty when infeasible.
+  std::vector<LimitFace> polyhedron;  ///< Of v_IB_N, a_IB_N, for a limit of 1.
   PlatformState platform;
   PlanQp qp;
   std::array<Seconds, kSegments> best{0, 0};  ///< Durations chosen.
