@@ -1,0 +1,13 @@
+#pragma once
+#include <CLI/CLI.hpp>
+#include <functional>
+#include <string>
+
+#include "alight/base/result.h"
+
+/// What a command does once its line has been understood. A failure's text goes to
+/// standard error as "alight NAME: text", exit status 1.
+using Job = std::function<alight::Result<void>()>;
+
+/// Each adds one command to the program and sets `job` when it is the one chosen.
+void add_eval(CLI::App& app, Job& job);
