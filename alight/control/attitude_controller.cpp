@@ -60,6 +60,7 @@ Result<void> AttitudeControllerConfig::validate() const {
                 {"attitude.kp_z", kp_z, 0.1, 100},
                 {"attitude.kv_z", kv_z, 0.1, 50},
                 {"attitude.ka_z", ka_z, 0, 10},
+                {"attitude.disturbance_lag_s", disturbance_lag_s, 1e-3, 10},
                 {"attitude.error_max_m", error_max_m, 0.01, 100},
                 {"attitude.velocity_error_max_m_s", velocity_error_max_m_s, 0.01, 100},
                 {"attitude.disturbance_max_m_s2", disturbance_max_m_s2, 0, 20},
@@ -97,10 +98,10 @@ AttitudeController::AttitudeController(const AttitudeControllerConfig& config,
       tilt_max_(drone.tilt_max_deg * kDegree),
       thrust_full_(drone.thrust_to_weight * kGravity) {}
 
-AttitudeOutput AttitudeController::step(const AttitudeInput& in) const {
+AttitudeOutput AttitudeController::step(const AttitudeInput& in, Seconds dt) {
   AttitudeOutput out;
   out.setpoint.kind = Setpoint::Kind::attitude;
-  if (!finite(in)) {
+  if (!finite(in) || !(dt >= 0)) {
     out.invalid = true;
     const Matrix3& R = in.response.R_IB;
     const double yaw = R.allFinite() ? yaw_of(R) : 0;
@@ -115,7 +116,12 @@ AttitudeOutput AttitudeController::step(const AttitudeInput& in) const {
 
   // The force that keeps to the reference, and how it changes (seen from I).
   const FlatState& r = in.reference;
-  const Vector3 d_N = clamped(in.d_N, config_.disturbance_max_m_s2);
+  const Vector3 d_now =
+      R_NA.transpose() * clamped(in.d_N, config_.disturbance_max_m_s2);
+  if (!has_d_) d_A_ = d_now;
+  has_d_ = true;
+  d_A_ += (d_now - d_A_) * (1 - std::exp(-dt / config_.disturbance_lag_s));
+  const Vector3 d_N = R_NA * d_A_;
   const Vector3 f = wished_force_N(in.platform, r, d_N);
   FlatState later = r;
   later.p_NB += kStep * r.v_NB;

@@ -62,8 +62,8 @@ struct AttitudeOutput {
 ///   f   = a_ref_I - d - g,    the specific force that keeps to the reference,
 ///   u   = f + (2 zeta / omega) f' + kp e_p + kv e_v + ka (f - f_m) + kj (f' - f_m')
 ///
-/// u over |u| is body z, its vertical part over the model's cos(tilt) the thrust. The d
-/// of the estimator stands for integral action.
+/// u over |u| is body z, its vertical part over the model's cos(tilt) the thrust. d is
+/// the estimator's disturbance, low-passed: the integral action.
 class AttitudeController {
  public:
   /// Error names field, value and bounds.
@@ -71,7 +71,10 @@ class AttitudeController {
                                            const DroneResponseConfig& response,
                                            const DroneSpec& drone);
 
-  AttitudeOutput step(const AttitudeInput& in) const;
+  /// `dt` s since the last step. Without a first step or after `reset` the disturbance
+  /// is believed at once.
+  AttitudeOutput step(const AttitudeInput& in, Seconds dt);
+  void reset() { has_d_ = false; }
 
   const AttitudeControllerConfig& config() const { return config_; }
 
@@ -80,8 +83,10 @@ class AttitudeController {
                      const DroneSpec&);
   AttitudeControllerConfig config_;
   DroneResponseConfig response_;
-  double tilt_max_ = 0;     // rad
-  double thrust_full_ = 0;  // m/s^2 at share 1
+  double tilt_max_ = 0;            // rad
+  double thrust_full_ = 0;         // m/s^2 at share 1
+  Vector3 d_A_ = Vector3::Zero();  // low-passed, in the autopilot's frame
+  bool has_d_ = false;
 };
 
 }  // namespace alight
