@@ -109,7 +109,7 @@ Result<void> RelativeFilter::prepare(const LedFrame& frame,
     if (!o.uv.allFinite() || o.leds == 0 || (o.leds & ~known) != 0 ||
         (config_.use_observation_cov && !positive_definite(o.cov))) {
       ++report.malformed;
-      report.refused.push_back({o.uv, Refusal::gated});
+      if (o.uv.allFinite()) report.refused.push_back({o.uv, Refusal::gated});
       continue;
     }
     Matrix26 H;
@@ -167,7 +167,8 @@ Result<UpdateReport> RelativeFilter::update(const LedFrame& frame) {
   if (!initialized_ || frame.t != time_ || (updates_ > 0 && frame.t <= last_update_)) {
     return fail(Fault::invalid_input);
   }
-  UpdateReport report;
+  report_ = UpdateReport{};
+  UpdateReport& report = report_;
   PictureMeasurements measurements;
   if (const auto ready = prepare(frame, measurements, report); !ready) {
     return fail(ready.error());

@@ -60,6 +60,9 @@ class RelativeFilter {
   ///   no_convergence  the picture cannot be explained near the prediction
   Result<UpdateReport> update(const LedFrame& frame);
 
+  /// Of the last update that came as far as looking at its observations, be it refused.
+  const UpdateReport& last_report() const { return report_; }
+
   Time time() const { return time_; }
   const RelativeState& state() const { return state_.x; }
   const MotionState& motion_state() const { return state_; }
@@ -93,6 +96,7 @@ class RelativeFilter {
   bool initialized_ = false;
   Time time_ = 0;
   MotionState state_;
+  UpdateReport report_;
   Matrix12 P_ = Matrix12::Zero();
   // First-order error of the state by the constant displacement of each LED (3 columns
   // each), carried along as the filter carries errors (Schmidt 1966, consider states).
