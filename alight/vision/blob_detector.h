@@ -1,4 +1,5 @@
 #pragma once
+#include <cstdint>
 #include <vector>
 
 #include "alight/base/result.h"
@@ -19,8 +20,11 @@ struct BlobDetectorConfig {
   bool smooth = false;
   double area_min_px = 1;
   double area_max_px = 4000;
-  int color_margin_px = 2;     ///< How far around the patch its hue is looked for.
-  double color_chroma_min = 0.2;  ///< (max - min) / max of the halo; white below.
+  int color_margin_px = 2;  ///< How far around the patch its hue is looked for.
+  /// Largest minus smallest channel, in grey levels, below which a light is white. The
+  /// core of a bright LED is white whatever its colour: pixels count by how far they
+  /// are from white.
+  double color_chroma_min = 18;
   double centroid_sd_min_px = 0.05;
 
   Result<void> validate() const;
@@ -36,6 +40,9 @@ class BlobDetector {
   static Result<BlobDetector> create(const BlobDetectorConfig& config, int width,
                                      int height);
 
+  BlobDetector(BlobDetector&&) = default;  // Copies would lose the reserved room.
+  BlobDetector& operator=(BlobDetector&&) = default;
+
   /// Blobs of a grey or BGR picture. `depth` may be empty; an empty `roi` is the whole
   /// picture, one that hangs over the edge is cut.
   /// @returns invalid_input for another size, number of channels or a null picture;
@@ -50,30 +57,31 @@ class BlobDetector {
   BlobDetector(const BlobDetectorConfig& config, int width, int height);
 
   struct Run {
-    int u0, u1, v, part;
+    int u0, u1, part;
   };
-  /// Sums over one patch, relative to its first pixel.
+  /// Whole-number sums over one patch, so that no order of joining changes a bit.
   struct Part {
     int parent;
     int u0, v0, u1, v1;
-    int u_ref, v_ref;
     int area, peak;
-    double w, wu, wv, wuu, wuv, wvv;
+    std::int64_t w, wu, wv, wuu, wuv, wvv;
   };
 
   int root(int part);
   int join(int a, int b);
-  bool scan_row(const ImageView& image, const DepthView& depth, const Roi& roi, int v);
-  bool add_run(const ImageView& image, int v, int u0, int u1);
-  Blob finish(const Part& part, const ImageView& image, const DepthView& depth,
-              const Roi& roi) const;
-  LedColor hue(const Part& part, const ImageView& image, const Roi& roi) const;
+  void add_run(const ImageView& image, int v, int u0, int u1, int v_first);
+  Blob finish(const Part& part, const ImageView& image, const DepthView& depth) const;
+  LedColor hue(const Part& part, const ImageView& image) const;
+  double depth_of(const Part& part, const ImageView& image,
+                  const DepthView& depth) const;
 
   BlobDetectorConfig config_;
   int width_, height_;
   std::vector<Run> runs_;
-  std::vector<int> row_begin_;  ///< Of the rows still in reach: first run.
+  std::vector<std::size_t>
+      row_begin_;  ///< First run of each row, and one past the last.
   std::vector<Part> parts_;
+  std::vector<int> order_;
   std::vector<Blob> blobs_;
 };
 

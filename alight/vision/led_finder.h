@@ -14,20 +14,23 @@ struct LedFinderConfig {
   Profile profile = Profile::standard;
   bool use_color = true;
   // Where a drone can be: the search knows nothing else of it.
-  double range_min_m = 0.2;      ///< From the lens.
+  double range_min_m = 0.2;  ///< From the lens.
   double range_max_m = 6;
-  double tilt_max_deg = 60;      ///< Of B's z axis from N's.
-  double facing_max_deg = 90;    ///< Between the LEDs' side of the drone and the lens,
-                                 ///< in the horizontal plane; 180 switches it off.
+  double tilt_max_deg = 60;    ///< Of B's z axis from N's.
+  double facing_max_deg = 90;  ///< Between the LEDs' side of the drone and the lens,
+                               ///< in the horizontal plane; 180 switches it off.
   // When an answer is taken.
   double rms_max_px = 2;
-  double led_sd_m = 0.001;       ///< How well LED positions are known, per axis.
-  double centroid_sd_px = 0.2;   ///< Added to the blobs' own, for what noise leaves out.
-  double merge_px = 5;           ///< LEDs whose images are closer may share a blob.
-  double missing_cost = 12;      ///< chi^2 charged for an LED not seen.
-  double runner_up_margin = 8;   ///< chi^2 by which the answer must beat its rival.
-  int hypotheses_max = 400000;   ///< Bound on the work for one picture.
-  double mad_limit_m = 0.1;      ///< paper: lambda_MAD of eqn:RSE_mad.
+  double led_sd_m = 0.002;      ///< How well LED positions are known, per axis.
+  double centroid_sd_px = 0.2;  ///< Added to the blobs' own, for what noise leaves out.
+  double merge_px = 5;          ///< LEDs whose images are closer may share a blob.
+  double missing_cost = 12;     ///< chi^2 charged for an LED not seen.
+  double runner_up_margin = 8;  ///< chi^2 by which the answer must beat its rival.
+  /// Accept only if fewer answers as good are expected by chance, given how many lights
+  /// are about and how many triples were tried.
+  double false_alarms_max = 0.1;
+  int hypotheses_max = 400000;  ///< Bound on the work for one picture.
+  double mad_limit_m = 0.1;     ///< paper: lambda_MAD of eqn:RSE_mad.
 
   Result<void> validate() const;
 };

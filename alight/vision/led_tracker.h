@@ -11,16 +11,16 @@ struct LedTrackerConfig {
   };
   Profile profile = Profile::standard;
   bool use_color = true;
-  double shift_sd_px = 6;       ///< Common displacement beyond what `cov` says.
-  double scale_sd = 0.06;       ///< Error of the predicted size of the constellation.
-  double turn_sd_deg = 3;       ///< Error of the predicted rotation in the picture.
-  double gate_sd = 3;           ///< How many of each are looked for.
-  double match_px = 3;          ///< Residual up to which a blob is an LED's, plus
-  double match_share = 0.03;    ///< this share of the constellation's size in px.
-  double merge_px = 5;          ///< LEDs whose images are closer may share a blob.
+  double shift_sd_px = 6;     ///< Common displacement beyond what `cov` says.
+  double scale_sd = 0.06;     ///< Error of the predicted size of the constellation.
+  double turn_sd_deg = 3;     ///< Error of the predicted rotation in the picture.
+  double gate_sd = 3;         ///< How many of each are looked for.
+  double match_px = 3;        ///< Residual up to which a blob is an LED's, plus
+  double match_share = 0.03;  ///< this share of the constellation's size in px.
+  double merge_px = 5;        ///< LEDs whose images are closer may share a blob.
   double merged_imbalance = 0.15;  ///< sd of the weight of one LED in a merged blob.
   double roi_margin_px = 12;
-  double paper_gate_px = 20;    ///< paper: farther neighbours are none.
+  double paper_gate_px = 20;  ///< paper: farther neighbours are none.
 
   Result<void> validate() const;
 };

@@ -14,9 +14,10 @@ using ObservationSpan = std::span<const LedObservation>;
 /// A pose and how well it explains the picture.
 struct PoseFit {
   Pose X_NB = Pose::Identity();
-  Matrix6 cov = Matrix6::Identity();  ///< Of (dp_NB, dR in B), from the observations' own.
-  double rms_px = 0;                  ///< Root mean square distance to the observations.
-  double chi2 = 0;                    ///< Sum of r' cov^-1 r.
+  Matrix6 cov =
+      Matrix6::Identity();  ///< Of (dp_NB, dR in B), from the observations' own.
+  double rms_px = 0;        ///< Root mean square distance to the observations.
+  double chi2 = 0;          ///< Sum of r' cov^-1 r.
   /// The other minimum, if one was looked for and found (a few points that are nearly
   /// flat or far look alike from two sides).
   Pose X_NB_runner_up = Pose::Identity();

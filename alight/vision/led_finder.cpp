@@ -1,0 +1,415 @@
+#include "alight/vision/led_finder.h"
+
+#include <algorithm>
+#include <cmath>
+#include <sstream>
+
+#include "alight/vision/led_finder_search.h"
+
+namespace alight {
+namespace {
+
+/// Three points on the image to a first pose: how far its other LEDs may be off, as a
+/// share of the constellation's size in px.
+constexpr double kRoughShare = 0.12;
+constexpr double kFineShare = 0.05;
+
+double angle_of_cosine(double c) { return std::acos(std::clamp(c, -1.0, 1.0)); }
+
+Vector3 middle_of(const Constellation& leds) {
+  Vector3 sum = Vector3::Zero();
+  for (const Led& led : leds.leds) sum += led.p_BL / leds.size();
+  return sum;
+}
+
+double radius_of(const Constellation& leds) {
+  double radius = 0;
+  for (const Led& led : leds.leds) {
+    radius = std::max(radius, (led.p_BL - middle_of(leds)).norm());
+  }
+  return radius;
+}
+
+/// log of n over k.
+double log_choose(int n, int k) {
+  return std::lgamma(n + 1) - std::lgamma(k + 1) - std::lgamma(n - k + 1);
+}
+
+/// Rivals are poses that a filter started on one would not turn into the other.
+bool rivals(const Pose& a, const Pose& b) {
+  return angle_between(a.linear(), b.linear()) > 12 * kDegree ||
+         (a.translation() - b.translation()).norm() > 0.15;
+}
+
+}  // namespace
+
+Result<void> LedFinderConfig::validate() const {
+  const auto out = [](const char* name, double value, const char* bounds) {
+    std::ostringstream text;
+    text << "finder." << name << " is " << value << ", must lie in " << bounds;
+    return fail(Fault::invalid_config, text.str());
+  };
+  if (!(range_min_m >= 0.05 && range_min_m <= 100)) {
+    return out("range_min_m", range_min_m, "[0.05, 100]");
+  }
+  if (!(range_max_m > range_min_m && range_max_m <= 1000)) {
+    return out("range_max_m", range_max_m, "(range_min_m, 1000]");
+  }
+  if (!(tilt_max_deg >= 1 && tilt_max_deg <= 180)) {
+    return out("tilt_max_deg", tilt_max_deg, "[1, 180]");
+  }
+  if (!(facing_max_deg >= 1 && facing_max_deg <= 180)) {
+    return out("facing_max_deg", facing_max_deg, "[1, 180]");
+  }
+  if (!(rms_max_px > 0 && rms_max_px <= 50)) {
+    return out("rms_max_px", rms_max_px, "(0, 50]");
+  }
+  if (!(led_sd_m >= 0 && led_sd_m <= 0.1)) return out("led_sd_m", led_sd_m, "[0, 0.1]");
+  if (!(centroid_sd_px > 0 && centroid_sd_px <= 20)) {
+    return out("centroid_sd_px", centroid_sd_px, "(0, 20]");
+  }
+  if (!(merge_px >= 0 && merge_px <= 50)) return out("merge_px", merge_px, "[0, 50]");
+  if (!(missing_cost >= 0 && missing_cost <= 1e4)) {
+    return out("missing_cost", missing_cost, "[0, 1e4]");
+  }
+  if (!(runner_up_margin >= 0 && runner_up_margin <= 1e4)) {
+    return out("runner_up_margin", runner_up_margin, "[0, 1e4]");
+  }
+  if (!(false_alarms_max > 0 && false_alarms_max <= 1e6)) {
+    return out("false_alarms_max", false_alarms_max, "(0, 1e6]");
+  }
+  if (hypotheses_max < 1) return out("hypotheses_max", hypotheses_max, "[1, 2^31)");
+  if (!(mad_limit_m > 0 && mad_limit_m <= 10)) {
+    return out("mad_limit_m", mad_limit_m, "(0, 10]");
+  }
+  return {};
+}
+
+LedFinder::LedFinder(std::unique_ptr<Search> search) : search_(std::move(search)) {}
+LedFinder::LedFinder(LedFinder&&) noexcept = default;
+LedFinder& LedFinder::operator=(LedFinder&&) noexcept = default;
+LedFinder::~LedFinder() = default;
+
+Result<LedFinder> LedFinder::create(const LedFinderConfig& config, const Camera& camera,
+                                    const Constellation& leds) {
+  if (const auto valid = config.validate(); !valid) return fail(valid.error());
+  if (leds.size() < 4) {
+    return fail(Fault::invalid_config, "a pose needs at least 4 LEDs, the rig has " +
+                                           std::to_string(leds.size()));
+  }
+  auto search = std::make_unique<Search>(config, camera, leds);
+  if (search->shapes.triples().empty()) {
+    return fail(Fault::invalid_config,
+                "the LEDs stand in a line, or no pose that is allowed is in view");
+  }
+  return LedFinder(std::move(search));
+}
+
+Result<FoundLeds> LedFinder::find(BlobSpan blobs, Time t) {
+  return search_->config.profile == LedFinderConfig::Profile::paper
+             ? search_->find_paper(blobs, t)
+             : search_->find_standard(blobs, t);
+}
+
+LedFinder::Search::Search(const LedFinderConfig& config_in, const Camera& camera_in,
+                          const Constellation& leds_in)
+    : config(config_in),
+      camera(camera_in),
+      leds(leds_in),
+      centre_B(middle_of(leds_in)),
+      radius_m(radius_of(leds_in)),
+      shapes(camera, leds, config.range_min_m, config.range_max_m,
+             [this](const Pose& X_NB) { return plausible(X_NB); }),
+      neighbours(kMaxBlobs) {
+  usable.reserve(kMaxBlobs);
+  by_distance.reserve(kMaxBlobs);
+  pinhole.reserve(kMaxBlobs);
+  for (auto& list : neighbours) list.reserve(kNeighbours);
+}
+
+bool LedFinder::Search::plausible(const Pose& X_NB) const {
+  const Vector3 lens_from_drone = camera.X_NC.translation() - X_NB * centre_B;
+  const double range = lens_from_drone.norm();
+  if (!(range >= config.range_min_m && range <= config.range_max_m)) return false;
+  if (X_NB.linear()(2, 2) < std::cos(config.tilt_max_deg * kDegree)) return false;
+  if (config.facing_max_deg >= 180) return true;
+  const Vector2 side =
+      (X_NB.linear() * Vector3(centre_B.x(), centre_B.y(), 0)).head<2>();
+  const double level = lens_from_drone.head<2>().norm();
+  // LEDs around the middle face nowhere; from below or above the side does not matter.
+  if (side.norm() < 0.25 * radius_m || level < 0.3 * range) return true;
+  return angle_of_cosine(side.dot(lens_from_drone.head<2>()) / (side.norm() * level)) <
+         config.facing_max_deg * kDegree;
+}
+
+void LedFinder::Search::prepare(BlobSpan blobs, bool white_is_any) {
+  usable.clear();
+  pinhole.clear();
+  kept.clear();
+  tried = 0;
+  const Intrinsics& lens = camera.intrinsics;
+  for (std::size_t j = 0; j < blobs.size(); ++j) {
+    const Vector3 ray = lens.unproject(blobs[j].uv);
+    pinhole.emplace_back(lens.fx * ray.x() + lens.cx, lens.fy * ray.y() + lens.cy);
+    const bool any =
+        std::any_of(leds.leds.begin(), leds.leds.end(), [&](const Led& led) {
+          return !config.use_color ||
+                 colors_agree(blobs[j].color, led.color, white_is_any);
+        });
+    if (any) usable.push_back(static_cast<int>(j));
+  }
+  for (std::size_t n = 0; n < usable.size(); ++n) {
+    const Vector2 uv = blobs[static_cast<std::size_t>(usable[n])].uv;
+    by_distance.clear();
+    for (std::size_t m = 0; m < usable.size(); ++m) {
+      if (m == n) continue;
+      const double d2 =
+          (blobs[static_cast<std::size_t>(usable[m])].uv - uv).squaredNorm();
+      by_distance.emplace_back(d2, usable[m]);
+    }
+    const std::size_t count = std::min<std::size_t>(by_distance.size(), kNeighbours);
+    std::partial_sort(by_distance.begin(),
+                      by_distance.begin() + static_cast<std::ptrdiff_t>(count),
+                      by_distance.end());
+    neighbours[n].clear();
+    for (std::size_t k = 0; k < count; ++k)
+      neighbours[n].push_back(by_distance[k].second);
+  }
+}
+
+void LedFinder::Search::search_triples(BlobSpan blobs, bool white_is_any) {
+  const auto agrees = [&](int blob, int led) {
+    return !config.use_color ||
+           colors_agree(blobs[static_cast<std::size_t>(blob)].color, leds.color(led),
+                        white_is_any);
+  };
+  const auto px = [&](int blob) { return pinhole[static_cast<std::size_t>(blob)]; };
+  for (std::size_t t = 0; t < shapes.triples().size(); ++t) {
+    const auto [a, b, c] = shapes.triples()[t];
+    const Vector3 p_BL[3] = {leds.p_BL(a), leds.p_BL(b), leds.p_BL(c)};
+    for (std::size_t n = 0; n < usable.size(); ++n) {
+      const int i = usable[n];
+      if (!agrees(i, a)) continue;
+      for (const int j : neighbours[n]) {
+        if (!agrees(j, b)) continue;
+        for (const int k : neighbours[n]) {
+          if (k == j || !agrees(k, c) || !shapes.possible(t, px(i), px(j), px(k))) {
+            continue;
+          }
+          if (++tried > config.hypotheses_max) return;
+          const Vector2 uv[3] = {blobs[static_cast<std::size_t>(i)].uv,
+                                 blobs[static_cast<std::size_t>(j)].uv,
+                                 blobs[static_cast<std::size_t>(k)].uv};
+          const ThreePointPoses start = three_point_poses(camera.intrinsics, p_BL, uv);
+          for (int s = 0; s < start.count; ++s) {
+            const Pose X_NB = camera.X_NC * start.X_CB[s];
+            if (plausible(X_NB)) try_pose(blobs, X_NB, neighbours[n], white_is_any);
+          }
+        }
+      }
+    }
+  }
+}
+
+void LedFinder::Search::try_pose(BlobSpan blobs, const Pose& X_NB,
+                                 const std::vector<int>& near, bool white_is_any) {
+  // A cheap count first: most poses explain their own three points and nothing else.
+  const Pose X_CB = camera.X_NC.inverse() * X_NB;
+  const Intrinsics& lens = camera.intrinsics;
+  const double range = (X_CB * centre_B).norm();
+  const double rough = 2 + kRoughShare * lens.fx * radius_m / range;
+  int explained = 0;
+  for (int l = 0; l < leds.size(); ++l) {
+    const Vector3 p_CL = X_CB * leds.p_BL(l);
+    if (p_CL.z() < 0.02) return;
+    const Vector2 uv(lens.fx * p_CL.x() / p_CL.z() + lens.cx,
+                     lens.fy * p_CL.y() / p_CL.z() + lens.cy);
+    for (const int j : near) {
+      if ((pinhole[static_cast<std::size_t>(j)] - uv).squaredNorm() < rough * rough) {
+        ++explained;
+        break;
+      }
+    }
+  }
+  if (explained < 3) return;
+
+  Candidate candidate;
+  candidate.X_NB = X_NB;
+  LedImages images = led_images(camera, leds, X_NB);
+  MatchRule rule{rough, config.merge_px, config.use_color, white_is_any};
+  candidate.assignment = match_leds(images, leds, blobs, usable, rule);
+  if (candidate.assignment.blobs < 4) return;
+  for (const Candidate& other : kept) {
+    if (other.assignment == candidate.assignment && !rivals(other.X_NB, X_NB)) return;
+  }
+  const auto seen = observations(candidate.assignment, images, blobs, 0.15);
+  const auto fit =
+      refine_pose(camera, leds, {seen.data(), seen.size()}, X_NB, nullptr, 3);
+  if (!fit || !plausible(fit->X_NB)) return;
+  images = led_images(camera, leds, fit->X_NB);
+  rule.tolerance_px = 2 + kFineShare * images.size_px;
+  candidate.X_NB = fit->X_NB;
+  candidate.assignment = match_leds(images, leds, blobs, usable, rule);
+  if (candidate.assignment.blobs < 4) return;
+  // With what is left over as the missing LEDs' residual.
+  double square = 0;
+  for (int l = 0; l < leds.size(); ++l) {
+    const auto n = static_cast<std::size_t>(l);
+    const int j = candidate.assignment.blob[n];
+    square +=
+        j < 0 ? rule.tolerance_px * rule.tolerance_px
+              : (blobs[static_cast<std::size_t>(j)].uv - images.uv[n]).squaredNorm();
+  }
+  candidate.score = square / (rule.tolerance_px * rule.tolerance_px);
+  keep(candidate);
+}
+
+void LedFinder::Search::keep(const Candidate& candidate) {
+  for (Candidate& other : kept) {
+    if (!(other.assignment == candidate.assignment) ||
+        rivals(other.X_NB, candidate.X_NB)) {
+      continue;
+    }
+    if (candidate.score < other.score) other = candidate;
+    return;
+  }
+  if (kept.push_back(candidate)) return;
+  auto* worst = std::max_element(
+      kept.begin(), kept.end(),
+      [](const Candidate& a, const Candidate& b) { return a.score < b.score; });
+  if (candidate.score < worst->score) *worst = candidate;
+}
+
+double LedFinder::Search::sigma2(const Pose& X_NB) const {
+  const double range = (X_NB * centre_B - camera.X_NC.translation()).norm();
+  const double led_px = config.led_sd_m * camera.intrinsics.fx / range;
+  return config.centroid_sd_px * config.centroid_sd_px + led_px * led_px;
+}
+
+bool LedFinder::Search::settle(BlobSpan blobs, bool white_is_any, Candidate& candidate,
+                               PoseFit& fit) const {
+  for (int pass = 0; pass < 3; ++pass) {
+    LedImages images = led_images(camera, leds, candidate.X_NB);
+    auto seen = observations(candidate.assignment, images, blobs, 0.15);
+    for (LedObservation& o : seen) {
+      o.cov += sigma2(candidate.X_NB) * Matrix2::Identity();
+    }
+    const auto refined = refine_pose(camera, leds, {seen.data(), seen.size()},
+                                     candidate.X_NB, nullptr, 15);
+    if (!refined || !plausible(refined->X_NB)) return false;
+    fit = *refined;
+    candidate.X_NB = fit.X_NB;
+    const double range_tilt = angle_of_cosine(fit.X_NB.linear()(2, 2)) / (20 * kDegree);
+    candidate.score = fit.chi2 + range_tilt * range_tilt +
+                      config.missing_cost * (leds.size() - candidate.assignment.leds) +
+                      2.0 * (candidate.assignment.leds - candidate.assignment.blobs);
+    images = led_images(camera, leds, fit.X_NB);
+    const double sd = std::sqrt(sigma2(fit.X_NB));
+    const MatchRule rule{std::clamp(3.5 * sd, 1.5, 2 * config.rms_max_px),
+                         config.merge_px, config.use_color, white_is_any};
+    const Assignment again = match_leds(images, leds, blobs, usable, rule);
+    if (again == candidate.assignment) return true;
+    if (again.blobs < 4) return false;
+    candidate.assignment = again;
+  }
+  return fit.rms_px <= config.rms_max_px;
+}
+
+Result<FoundLeds> LedFinder::Search::decide(BlobSpan blobs, bool white_is_any, Time t) {
+  Candidate best;
+  PoseFit best_fit;
+  bool any = false;
+  FixedVector<std::pair<Candidate, double>, kKept> settled;
+  for (Candidate candidate : kept) {
+    PoseFit fit;
+    if (!settle(blobs, white_is_any, candidate, fit)) continue;
+    settled.push_back({candidate, fit.rms_px});
+    if (!any || candidate.score < best.score) {
+      best = candidate;
+      best_fit = fit;
+      any = true;
+    }
+  }
+  if (!any || best_fit.rms_px > config.rms_max_px) return fail(Fault::too_few_points);
+
+  FoundLeds found;
+  found.fit = best_fit;
+  found.score = best.score;
+  found.runner_up_score = std::numeric_limits<double>::infinity();
+  for (const auto& [other, rms_px] : settled) {
+    if (!rivals(other.X_NB, best.X_NB) || other.score >= found.runner_up_score)
+      continue;
+    found.runner_up_score = other.score;
+    found.fit.X_NB_runner_up = other.X_NB;
+    found.fit.runner_up_rms_px = rms_px;
+  }
+
+  // Expected number of answers as good from lights that have nothing to do with the
+  // drone: lights about it would each have to lie on an LED by chance.
+  const LedImages images = led_images(camera, leds, best.X_NB);
+  const double reach = 1.5 * images.size_px + 5;
+  int about = 1;
+  for (const int j : usable) {
+    const bool used =
+        std::find(best.assignment.blob.begin(), best.assignment.blob.end(), j) !=
+        best.assignment.blob.end();
+    const Vector2& uv = blobs[static_cast<std::size_t>(j)].uv;
+    if (!used && (uv - images.middle).norm() < reach) ++about;
+  }
+  const int beyond = best.assignment.blobs - 3;
+  const double near = std::max(0.5, 2 * best_fit.rms_px) / reach;
+  const double log_chance = std::log(std::min(1.0, about * near * near));
+  const double log_alarms =
+      std::log(static_cast<double>(std::max<std::int64_t>(tried, 1))) +
+      log_choose(leds.size() - 3, std::min(beyond, leds.size() - 3)) +
+      beyond * log_chance;
+  if (log_alarms > std::log(config.false_alarms_max))
+    return fail(Fault::too_few_points);
+  if (found.runner_up_score - found.score < config.runner_up_margin) {
+    return fail(Fault::ambiguous);
+  }
+
+  found.frame.t = t;
+  found.frame.seen = observations(best.assignment, images, blobs, 0.15);
+  for (std::size_t j = 0; j < blobs.size(); ++j) {
+    const bool used =
+        std::find(best.assignment.blob.begin(), best.assignment.blob.end(),
+                  static_cast<int>(j)) != best.assignment.blob.end();
+    if (!used) found.frame.refused.push_back({blobs[j].uv, Refusal::no_led_near});
+  }
+  return found;
+}
+
+Result<FoundLeds> LedFinder::Search::find_standard(BlobSpan blobs, Time t) {
+  Result<FoundLeds> found = fail(Fault::too_few_points);
+  // Washed-out LEDs look white, and so do lamps: they are let in only when the lights
+  // of a true colour do not do.
+  for (const bool white_is_any : {false, true}) {
+    if (white_is_any && !config.use_color) break;
+    prepare(blobs, white_is_any);
+    if (usable.size() < 4) continue;
+    search_triples(blobs, white_is_any);
+    found = decide(blobs, white_is_any, t);
+    if (found || found.error().fault == Fault::ambiguous) break;
+  }
+  return found;
+}
+
+Result<DetectResult> detect_once(const Rig& rig, const ImageView& image,
+                                 const DepthView& depth,
+                                 const BlobDetectorConfig& blob_config,
+                                 const LedFinderConfig& finder_config) {
+  auto detector = BlobDetector::create(blob_config, rig.camera.intrinsics.width,
+                                       rig.camera.intrinsics.height);
+  if (!detector) return fail(detector.error());
+  auto finder = LedFinder::create(finder_config, rig.camera, rig.leds);
+  if (!finder) return fail(finder.error());
+  const auto blobs = detector->detect(image, depth);
+  if (!blobs) return fail(blobs.error());
+  DetectResult result;
+  result.blobs.assign(blobs->begin(), blobs->end());
+  result.found = finder->find(*blobs);
+  return result;
+}
+
+}  // namespace alight

@@ -1,0 +1,304 @@
+#include "alight/vision/led_tracker.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <sstream>
+
+#include "alight/vision/led_matcher.h"
+
+namespace alight {
+namespace {
+
+/// How the picture differs from the predicted one: p -> middle + m (p - middle) +
+/// shift, with m = (1 + growth) e^(i turn) as a complex number.
+struct Shift {
+  Vector2 shift = Vector2::Zero();
+  double re = 1, im = 0;
+
+  Vector2 operator()(const Vector2& from_middle) const {
+    return {re * from_middle.x() - im * from_middle.y() + shift.x(),
+            im * from_middle.x() + re * from_middle.y() + shift.y()};
+  }
+};
+
+/// Pixel covariance of the constellation's middle by the prediction's own.
+Matrix2 middle_covariance(const Camera& camera, const Constellation& leds,
+                          const Pose& X_NB, const Matrix6& cov) {
+  const auto all = static_cast<std::uint16_t>((1u << leds.size()) - 1);
+  Matrix26 J;
+  if (!project_observation(camera, X_NB, leds, all, &J)) return Matrix2::Zero();
+  const Matrix2 S = J * cov * J.transpose();
+  return S.allFinite() ? S : Matrix2(Matrix2::Zero());
+}
+
+double largest_sd(const Matrix2& S) {
+  const double half = S.trace() / 2;
+  const double gap = std::sqrt(std::max(half * half - S.determinant(), 0.0));
+  return std::sqrt(std::max(half + gap, 0.0));
+}
+
+}  // namespace
+
+Result<void> LedTrackerConfig::validate() const {
+  struct Field {
+    const char* name;
+    double value, low, high;
+  };
+  const Field fields[] = {{"shift_sd_px", shift_sd_px, 0, 500},
+                          {"scale_sd", scale_sd, 0, 1},
+                          {"turn_sd_deg", turn_sd_deg, 0, 90},
+                          {"gate_sd", gate_sd, 0.5, 20},
+                          {"match_px", match_px, 0.1, 100},
+                          {"match_share", match_share, 0, 1},
+                          {"merge_px", merge_px, 0, 50},
+                          {"merged_imbalance", merged_imbalance, 0, 1},
+                          {"roi_margin_px", roi_margin_px, 0, 10000},
+                          {"paper_gate_px", paper_gate_px, 0.1, 10000}};
+  for (const Field& f : fields) {
+    if (f.value >= f.low && f.value <= f.high) continue;
+    std::ostringstream text;
+    text << "tracker." << f.name << " is " << f.value << ", must lie in [" << f.low
+         << ", " << f.high << "]";
+    return fail(Fault::invalid_config, text.str());
+  }
+  return {};
+}
+
+Result<LedTracker> LedTracker::create(const LedTrackerConfig& config,
+                                      const Camera& camera, const Constellation& leds) {
+  if (const auto valid = config.validate(); !valid) return fail(valid.error());
+  if (leds.size() < 1) return fail(Fault::invalid_config, "the rig has no LEDs");
+  return LedTracker(config, camera, leds);
+}
+
+Roi LedTracker::roi(const Pose& X_NB, const Matrix6& cov) const {
+  const LedImages images = led_images(camera_, leds_, X_NB);
+  if (images.count == 0) return {};
+  const double middle_sd =
+      largest_sd(middle_covariance(camera_, leds_, X_NB, cov)) + config_.shift_sd_px;
+  const double margin = config_.roi_margin_px + config_.gate_sd * middle_sd +
+                        config_.gate_sd *
+                            (config_.scale_sd + config_.turn_sd_deg * kDegree) *
+                            images.size_px;
+  Vector2 low = images.middle, high = images.middle;
+  for (int i = 0; i < leds_.size(); ++i) {
+    const auto n = static_cast<std::size_t>(i);
+    if (!images.in_front[n]) continue;
+    low = low.cwiseMin(images.uv[n]);
+    high = high.cwiseMax(images.uv[n]);
+  }
+  const Intrinsics& lens = camera_.intrinsics;
+  // Cut before the cast: an image far outside does not fit an int.
+  const auto cut = [](double x, int most) {
+    return static_cast<int>(std::clamp(x, 0.0, static_cast<double>(most)));
+  };
+  const Roi out{cut(std::floor(low.x() - margin), lens.width),
+                cut(std::floor(low.y() - margin), lens.height),
+                cut(std::ceil(high.x() + margin) + 1, lens.width),
+                cut(std::ceil(high.y() + margin) + 1, lens.height)};
+  return out.empty() ? Roi{} : out;
+}
+
+LedFrame LedTracker::track(BlobSpan blobs, const Pose& X_NB_predicted,
+                           const Matrix6& cov, Time t) const {
+  if (config_.profile == LedTrackerConfig::Profile::paper) {
+    return track_paper(blobs, X_NB_predicted, t);
+  }
+  LedFrame frame;
+  frame.t = t;
+  LedImages images = led_images(camera_, leds_, X_NB_predicted);
+  const auto refuse_rest = [&](const Assignment& used, const Assignment& dropped) {
+    for (std::size_t j = 0; j < blobs.size(); ++j) {
+      const auto shows = [&](const Assignment& a) {
+        return std::find(a.blob.begin(), a.blob.end(), static_cast<int>(j)) !=
+               a.blob.end();
+      };
+      if (shows(used)) continue;
+      RefusedBlob refused{blobs[j].uv, Refusal::no_led_near};
+      double nearest = config_.match_px + config_.match_share * images.size_px;
+      for (int i = 0; i < leds_.size(); ++i) {
+        const auto n = static_cast<std::size_t>(i);
+        const double d = (blobs[j].uv - images.uv[n]).norm();
+        if (!images.in_front[n] || d > nearest) continue;
+        nearest = d;
+        refused.reason = colors_agree(blobs[j].color, leds_.color(i), true)
+                             ? Refusal::other_is_nearer
+                             : Refusal::wrong_color;
+      }
+      if (shows(dropped)) refused.reason = Refusal::off_constellation;
+      frame.refused.push_back(refused);
+    }
+  };
+  if (images.count < leds_.size() || blobs.empty()) {
+    refuse_rest({}, {});
+    return frame;
+  }
+
+  // 1. What the picture may have done since it was predicted.
+  const Matrix2 S = middle_covariance(camera_, leds_, X_NB_predicted, cov) +
+                    config_.shift_sd_px * config_.shift_sd_px * Matrix2::Identity();
+  const Matrix2 W = S.inverse();
+  const double gate2 = config_.gate_sd * config_.gate_sd;
+  const double turn_sd = std::max(config_.turn_sd_deg * kDegree, 1e-6);
+  const double scale_sd = std::max(config_.scale_sd, 1e-6);
+  const double slack =
+      config_.gate_sd * (largest_sd(S) + (scale_sd + turn_sd) * images.size_px);
+  FixedVector<int, 64> near;  // Blobs that may be LEDs at all, in their own order.
+  for (std::size_t j = 0; j < blobs.size(); ++j) {
+    if ((blobs[j].uv - images.middle).norm() >
+        images.size_px + slack + config_.match_px) {
+      continue;
+    }
+    near.push_back(static_cast<int>(j));
+  }
+
+  // 2. The similarity that explains most, found from every LED and every pair of LEDs.
+  const double tolerance = config_.match_px + config_.match_share * images.size_px;
+  const double fine2 = tolerance * tolerance;
+  std::array<Vector2, kMaxLeds> from_middle;
+  for (int i = 0; i < leds_.size(); ++i) {
+    const auto n = static_cast<std::size_t>(i);
+    from_middle[n] = images.uv[n] - images.middle;
+  }
+  const auto agrees = [&](const Blob& blob, int i) {
+    return !config_.use_color || colors_agree(blob.color, leds_.color(i), true);
+  };
+  Shift best;
+  double best_score = -1e9;
+  const auto offer = [&](const Shift& s) {
+    const double growth = (std::hypot(s.re, s.im) - 1) / scale_sd;
+    const double turn = std::atan2(s.im, s.re) / turn_sd;
+    const double far = s.shift.dot(W * s.shift);
+    if (far > 2 * gate2 || growth * growth > gate2 || turn * turn > gate2) return;
+    double score = -0.08 * (far + growth * growth + turn * turn);
+    for (int i = 0; i < leds_.size(); ++i) {
+      const Vector2 uv = images.middle + s(from_middle[static_cast<std::size_t>(i)]);
+      double nearest = fine2;
+      for (const int j : near) {
+        const Blob& blob = blobs[static_cast<std::size_t>(j)];
+        const double d2 = (blob.uv - uv).squaredNorm();
+        if (d2 < nearest && agrees(blob, i)) nearest = d2;
+      }
+      score += 1 - nearest / fine2;
+    }
+    if (score > best_score) {
+      best_score = score;
+      best = s;
+    }
+  };
+  offer({});
+  for (int i = 0; i < leds_.size(); ++i) {
+    const Vector2 q_i = from_middle[static_cast<std::size_t>(i)];
+    for (const int a : near) {
+      const Blob& blob_a = blobs[static_cast<std::size_t>(a)];
+      const Vector2 r_a = blob_a.uv - images.middle;
+      if (!agrees(blob_a, i) || (r_a - q_i).norm() > slack) continue;
+      Shift plain;
+      plain.shift = r_a - q_i;
+      offer(plain);
+      for (int k = i + 1; k < leds_.size(); ++k) {
+        const Vector2 q = from_middle[static_cast<std::size_t>(k)] - q_i;
+        const double qq = q.squaredNorm();
+        // Two images close together say little of size and direction.
+        if (qq < 0.25 * images.size_px * images.size_px || qq < 4) continue;
+        for (const int b : near) {
+          const Blob& blob_b = blobs[static_cast<std::size_t>(b)];
+          if (b == a || !agrees(blob_b, k)) continue;
+          const Vector2 r = blob_b.uv - blob_a.uv;
+          Shift s;
+          s.re = q.dot(r) / qq;
+          s.im = (q.x() * r.y() - q.y() * r.x()) / qq;
+          s.shift = r_a - s(q_i);
+          offer(s);
+        }
+      }
+    }
+  }
+
+  // 3. One blob to one LED under that, and the pose that follows.
+  LedImages shifted = images;
+  for (int i = 0; i < leds_.size(); ++i) {
+    const auto n = static_cast<std::size_t>(i);
+    shifted.uv[n] = images.middle + best(from_middle[n]);
+  }
+  const std::span<const int> candidates(near.data(), near.size());
+  MatchRule rule{tolerance, config_.merge_px, config_.use_color, true};
+  Assignment match = match_leds(shifted, leds_, blobs, candidates, rule);
+
+  // 4. Refine from the prediction, look again where the LEDs then must be, and drop
+  // what
+  //    contradicts the rest.
+  Matrix6 prior = Matrix6::Zero();
+  const double range =
+      (X_NB_predicted.translation() - camera_.X_NC.translation()).norm();
+  const double shift_m =
+      range * (config_.shift_sd_px + largest_sd(S)) / camera_.intrinsics.fx;
+  for (int k = 0; k < 3; ++k) {
+    const double p_sd =
+        shift_m + scale_sd * range + std::sqrt(std::max(cov(k, k), 0.0));
+    const double turn = 3 * turn_sd + std::sqrt(std::max(cov(k + 3, k + 3), 0.0));
+    prior(k, k) = 1 / (p_sd * p_sd);
+    prior(k + 3, k + 3) = 1 / (turn * turn);
+  }
+  Assignment dropped;
+  for (int pass = 0; pass < 3 && match.blobs > 0; ++pass) {
+    auto seen = observations(match, shifted, blobs, config_.merged_imbalance);
+    for (LedObservation& o : seen) o.cov += 0.25 * Matrix2::Identity();
+    const auto fit = refine_pose(camera_, leds_, {seen.data(), seen.size()},
+                                 X_NB_predicted, &prior, 6);
+    if (!fit) break;
+    shifted = led_images(camera_, leds_, fit->X_NB);
+    rule.tolerance_px = config_.match_px + config_.match_share * shifted.size_px / 2;
+    const Assignment again = match_leds(shifted, leds_, blobs, candidates, rule);
+    for (std::size_t i = 0; i < kMaxLeds; ++i) {
+      if (match.blob[i] >= 0 && again.blob[i] < 0) dropped.blob[i] = match.blob[i];
+    }
+    if (again == match) break;
+    match = again;
+  }
+  frame.seen = observations(match, shifted, blobs, config_.merged_imbalance);
+  images = shifted;
+  refuse_rest(match, dropped);
+  return frame;
+}
+
+LedFrame LedTracker::track_paper(BlobSpan blobs, const Pose& X_NB, Time t) const {
+  LedFrame frame;
+  frame.t = t;
+  LedImages images = led_images(camera_, leds_, X_NB);
+  if (images.count < leds_.size() || blobs.empty()) return frame;
+  Vector2 middle = Vector2::Zero();
+  for (const Blob& blob : blobs) middle += blob.uv / static_cast<double>(blobs.size());
+  const Vector2 shift = middle - images.middle;
+  std::array<int, kMaxLeds> taken_by;
+  taken_by.fill(-1);
+  for (int i = 0; i < leds_.size(); ++i) {
+    const Vector2 uv = images.uv[static_cast<std::size_t>(i)] + shift;
+    double nearest = config_.paper_gate_px;
+    for (std::size_t j = 0; j < blobs.size(); ++j) {
+      const double d = (blobs[j].uv - uv).norm();
+      if (d >= nearest) continue;
+      nearest = d;
+      taken_by[static_cast<std::size_t>(i)] = static_cast<int>(j);
+    }
+    const int j = taken_by[static_cast<std::size_t>(i)];
+    if (j < 0) continue;
+    const Blob& blob = blobs[static_cast<std::size_t>(j)];
+    LedObservation o;
+    o.leds = static_cast<std::uint16_t>(1u << i);
+    o.uv = blob.uv;
+    o.cov = blob.cov;
+    o.depth_m = blob.depth_m;
+    frame.seen.push_back(o);
+  }
+  for (std::size_t j = 0; j < blobs.size(); ++j) {
+    if (std::find(taken_by.begin(), taken_by.end(), static_cast<int>(j)) ==
+        taken_by.end()) {
+      frame.refused.push_back({blobs[j].uv, Refusal::no_led_near});
+    }
+  }
+  return frame;
+}
+
+}  // namespace alight

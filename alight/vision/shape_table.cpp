@@ -1,0 +1,178 @@
+#include "alight/vision/shape_table.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace alight {
+namespace {
+
+constexpr int kSamples = 100000;
+
+int clamp_cell(double x, int cells) {
+  return std::clamp(static_cast<int>(std::floor(x)), 0, cells - 1);
+}
+
+}  // namespace
+
+std::vector<std::array<int, 3>> covering_triples(const Constellation& leds) {
+  struct Entry {
+    std::array<int, 3> triple;
+    double area;
+  };
+  std::vector<Entry> all;
+  const int n = leds.size();
+  for (int i = 0; i < n; ++i) {
+    for (int j = i + 1; j < n; ++j) {
+      for (int k = j + 1; k < n; ++k) {
+        // The longest side goes first: the other corner is then placed best.
+        std::array<std::array<int, 3>, 3> turns{{{i, j, k}, {j, k, i}, {k, i, j}}};
+        const auto longest = *std::max_element(
+            turns.begin(), turns.end(), [&](const auto& a, const auto& b) {
+              return (leds.p_BL(a[1]) - leds.p_BL(a[0])).norm() <
+                     (leds.p_BL(b[1]) - leds.p_BL(b[0])).norm();
+            });
+        const Vector3 e = leds.p_BL(longest[1]) - leds.p_BL(longest[0]);
+        const Vector3 f = leds.p_BL(longest[2]) - leds.p_BL(longest[0]);
+        const double area = e.cross(f).norm();
+        if (area > 0.05 * e.norm() * f.norm()) all.push_back({longest, area});
+      }
+    }
+  }
+  std::vector<std::array<int, 4>> open;
+  for (int a = 0; a < n; ++a) {
+    for (int b = a + 1; b < n; ++b) {
+      for (int c = b + 1; c < n; ++c) {
+        for (int d = c + 1; d < n; ++d) open.push_back({a, b, c, d});
+      }
+    }
+  }
+  const auto contains = [](const std::array<int, 4>& four,
+                           const std::array<int, 3>& t) {
+    return std::all_of(t.begin(), t.end(), [&](int led) {
+      return std::find(four.begin(), four.end(), led) != four.end();
+    });
+  };
+  std::vector<std::array<int, 3>> chosen;
+  while (!open.empty()) {
+    const Entry* best = nullptr;
+    std::ptrdiff_t best_count = 0;
+    for (const Entry& entry : all) {
+      const auto count = std::count_if(open.begin(), open.end(), [&](const auto& four) {
+        return contains(four, entry.triple);
+      });
+      const bool better =
+          count > best_count ||
+          (count == best_count && best != nullptr && entry.area > best->area);
+      if (count > 0 && better) {
+        best = &entry;
+        best_count = count;
+      }
+    }
+    if (best == nullptr) break;  // What is left stands in a line.
+    chosen.push_back(best->triple);
+    std::erase_if(open, [&](const auto& four) { return contains(four, best->triple); });
+  }
+  return chosen;
+}
+
+std::size_t ShapeTable::index(std::size_t t, const Vector2& a, const Vector2& b,
+                              const Vector2& c) {
+  const Vector2 e = b - a, f = c - a;
+  const double angle = std::atan2(e.y(), e.x());
+  // f in the frame of e, the plane drawn into the unit disk.
+  const double ee = std::max(e.squaredNorm(), 1e-12);
+  const Vector2 w(e.dot(f) / ee, (e.x() * f.y() - e.y() * f.x()) / ee);
+  const Vector2 d = w / (1 + w.norm());
+  const int i = clamp_cell((angle / kPi + 1) / 2 * kAngles, kAngles);
+  const int x = clamp_cell((d.x() + 1) / 2 * kGrid, kGrid);
+  const int y = clamp_cell((d.y() + 1) / 2 * kGrid, kGrid);
+  return ((t * kAngles + static_cast<std::size_t>(i)) * kGrid +
+          static_cast<std::size_t>(y)) *
+             kGrid +
+         static_cast<std::size_t>(x);
+}
+
+void ShapeTable::allow(std::size_t t, const Vector2& a, const Vector2& b,
+                       const Vector2& c) {
+  const std::size_t cell = index(t, a, b, c);
+  bits_[cell >> 6] |= std::uint64_t{1} << (cell & 63);
+}
+
+ShapeTable::ShapeTable(const Camera& camera, const Constellation& leds,
+                       double range_min_m, double range_max_m,
+                       const std::function<bool(const Pose&)>& allowed)
+    : triples_(covering_triples(leds)) {
+  const std::size_t cells = triples_.size() * kAngles * kGrid * kGrid;
+  bits_.assign(cells / 64 + 1, 0);
+  const Intrinsics& lens = camera.intrinsics;
+  Vector3 centre_B = Vector3::Zero();
+  for (const Led& led : leds.leds) centre_B += led.p_BL / leds.size();
+  // Additive recurrence: evenly spread, the same on every machine.
+  double s[6] = {0.5, 0.5, 0.5, 0.5, 0.5, 0.5};
+  constexpr double kStep[6] = {0.8566748838545029,  0.733891856627126,
+                               0.6287067210378087,  0.5385972572236101,
+                               0.46139980194318556, 0.3952665168712417};
+  for (int n = 0; n < kSamples; ++n) {
+    for (int k = 0; k < 6; ++k) s[k] = std::fmod(s[k] + kStep[k], 1.0);
+    const double u = s[0] * lens.width, v = s[1] * lens.height;
+    const double near = std::max(range_min_m, 0.3), far = std::min(range_max_m, 3.0);
+    const double range = near + (std::max(far, near) - near) * s[2] * s[2];
+    const Vector3 ray_C((u - lens.cx) / lens.fx, (v - lens.cy) / lens.fy, 1);
+    const double tilt = kPi / 2 * std::sqrt(s[3]), way = 2 * kPi * s[4];
+    const Matrix3 R_NB = so3_exp(tilt * Vector3(std::cos(way), std::sin(way), 0)) *
+                         from_rpy(0, 0, 2 * kPi * s[5]);
+    const Vector3 centre_N = camera.X_NC * Vector3(range * ray_C.normalized());
+    const Pose X_NB = make_pose(R_NB, centre_N - R_NB * centre_B);
+    if (!allowed(X_NB)) continue;
+    const Pose X_CB = camera.X_NC.inverse() * X_NB;
+    std::array<Vector2, kMaxLeds> uv;
+    bool in_front = true;
+    for (int i = 0; i < leds.size(); ++i) {
+      const Vector3 p_CL = X_CB * leds.p_BL(i);
+      in_front = in_front && p_CL.z() > 0.02;
+      uv[static_cast<std::size_t>(i)] = {lens.fx * p_CL.x() / p_CL.z(),
+                                         lens.fy * p_CL.y() / p_CL.z()};
+    }
+    if (!in_front) continue;
+    for (std::size_t t = 0; t < triples_.size(); ++t) {
+      const auto at = [&](int i) {
+        return uv[static_cast<std::size_t>(triples_[t][static_cast<std::size_t>(i)])];
+      };
+      allow(t, at(0), at(1), at(2));
+    }
+  }
+  // Each cell lends its neighbours its mark, for what lies between the samples and for
+  // the error of the centroids.
+  const std::vector<std::uint64_t> seen = bits_;
+  const auto get = [&](std::size_t cell) {
+    return (seen[cell >> 6] >> (cell & 63)) & 1;
+  };
+  for (std::size_t t = 0; t < triples_.size(); ++t) {
+    for (int i = 0; i < kAngles; ++i) {
+      for (int y = 0; y < kGrid; ++y) {
+        for (int x = 0; x < kGrid; ++x) {
+          const auto cell = [&](int ii, int yy, int xx) {
+            return ((t * kAngles + static_cast<std::size_t>((ii + kAngles) % kAngles)) *
+                        kGrid +
+                    static_cast<std::size_t>(yy)) *
+                       kGrid +
+                   static_cast<std::size_t>(xx);
+          };
+          if (!get(cell(i, y, x))) continue;
+          for (int di = -1; di <= 1; ++di) {
+            for (int yy = std::max(y - 1, 0); yy <= std::min(y + 1, kGrid - 1); ++yy) {
+              for (int xx = std::max(x - 1, 0); xx <= std::min(x + 1, kGrid - 1);
+                   ++xx) {
+                const std::size_t to = cell(i + di, yy, xx);
+                bits_[to >> 6] |= std::uint64_t{1} << (to & 63);
+              }
+            }
+          }
+        }
+      }
+    }
+  }
+}
+
+}  // namespace alight

@@ -1,0 +1,46 @@
+#pragma once
+#include <cstdint>
+#include <functional>
+#include <vector>
+
+#include "alight/geometry/rig.h"
+
+namespace alight {
+
+/// What three LEDs can look like. For each of a few LED triples (chosen so that any
+/// four LEDs contain one) it tabulates which image triangles the drone can make at all,
+/// seen from this camera at an attitude that is allowed: direction of the first side
+/// and place of the third corner relative to it. A look-up tells most wrong triples of
+/// blobs from right ones before a pose is computed.
+class ShapeTable {
+ public:
+  using Triple = std::array<int, 3>;
+
+  /// `allowed` says whether a pose is one the drone can have.
+  ShapeTable(const Camera& camera, const Constellation& leds, double range_min_m,
+             double range_max_m, const std::function<bool(const Pose&)>& allowed);
+
+  const std::vector<Triple>& triples() const { return triples_; }
+
+  /// Whether triple `t` may look like these three points (undistorted px).
+  bool possible(std::size_t t, const Vector2& a, const Vector2& b,
+                const Vector2& c) const {
+    const std::size_t cell = index(t, a, b, c);
+    return (bits_[cell >> 6] >> (cell & 63)) & 1;
+  }
+
+ private:
+  static constexpr int kAngles = 32;
+  static constexpr int kGrid = 32;
+  static std::size_t index(std::size_t t, const Vector2& a, const Vector2& b,
+                           const Vector2& c);
+  void allow(std::size_t t, const Vector2& a, const Vector2& b, const Vector2& c);
+
+  std::vector<Triple> triples_;
+  std::vector<std::uint64_t> bits_;
+};
+
+/// LED triples, widest first, such that every four LEDs contain one (greedy cover).
+std::vector<std::array<int, 3>> covering_triples(const Constellation& leds);
+
+}  // namespace alight
