@@ -32,8 +32,8 @@ enum class Mark { line, dashed, dots, filled };
 
 /// Points in data units; NaN breaks a line.
 struct Series {
-  std::vector<double> x;
-  std::vector<double> y;
+  std::vector<double> x = {};
+  std::vector<double> y = {};
   std::string label = {};  ///< Empty: not in the legend.
   Rgb color = palette::blue;
   Mark mark = Mark::line;  ///< `filled` closes the outline and fills it.
@@ -44,7 +44,7 @@ struct Series {
 struct Note {
   double x = 0;
   double y = 0;
-  std::string text;
+  std::string text = {};
   Rgb color = palette::black;
 };
 
