@@ -315,33 +315,47 @@ bool LedFinder::Search::settle(BlobSpan blobs, bool white_is_any, Candidate& can
   return fit.rms_px <= config.rms_max_px;
 }
 
+bool LedFinder::Search::same_answer(BlobSpan blobs, const Candidate& best,
+                                    const Candidate& other) const {
+  if (!rivals(other.X_NB, best.X_NB)) return true;
+  for (std::size_t i = 0; i < kMaxLeds; ++i) {
+    const int a = best.assignment.blob[i], b = other.assignment.blob[i];
+    if (a >= 0 && b >= 0 && a != b) return false;
+  }
+  const LedImages images = led_images(camera, leds, best.X_NB);
+  auto seen = observations(best.assignment, images, blobs, 0.15);
+  for (LedObservation& o : seen) o.cov += sigma2(best.X_NB) * Matrix2::Identity();
+  const auto fit =
+      refine_pose(camera, leds, {seen.data(), seen.size()}, other.X_NB, nullptr, 15);
+  return fit && !rivals(fit->X_NB, best.X_NB);
+}
+
 Result<FoundLeds> LedFinder::Search::decide(BlobSpan blobs, bool white_is_any, Time t) {
-  Candidate best;
-  PoseFit best_fit;
-  bool any = false;
-  FixedVector<std::pair<Candidate, double>, kKept> settled;
-  for (Candidate candidate : kept) {
-    PoseFit fit;
-    if (!settle(blobs, white_is_any, candidate, fit)) continue;
-    settled.push_back({candidate, fit.rms_px});
-    if (!any || candidate.score < best.score) {
-      best = candidate;
-      best_fit = fit;
-      any = true;
+  settled.clear();
+  const Settled* first = nullptr;
+  for (const Candidate& candidate : kept) {
+    Settled s;
+    s.candidate = candidate;
+    if (!settle(blobs, white_is_any, s.candidate, s.fit)) continue;
+    settled.push_back(s);
+    if (s.fit.rms_px > config.rms_max_px) continue;
+    if (first == nullptr || s.candidate.score < first->candidate.score) {
+      first = &settled.back();
     }
   }
-  if (!any || best_fit.rms_px > config.rms_max_px) return fail(Fault::too_few_points);
+  if (first == nullptr) return fail(Fault::too_few_points);
+  const Candidate& best = first->candidate;
 
   FoundLeds found;
-  found.fit = best_fit;
+  found.fit = first->fit;
   found.score = best.score;
   found.runner_up_score = std::numeric_limits<double>::infinity();
-  for (const auto& [other, rms_px] : settled) {
-    if (!rivals(other.X_NB, best.X_NB) || other.score >= found.runner_up_score)
+  for (const auto& [other, fit] : settled) {
+    if (other.score >= found.runner_up_score || same_answer(blobs, best, other))
       continue;
     found.runner_up_score = other.score;
     found.fit.X_NB_runner_up = other.X_NB;
-    found.fit.runner_up_rms_px = rms_px;
+    found.fit.runner_up_rms_px = fit.rms_px;
   }
 
   // Expected number of answers as good from lights that have nothing to do with the
@@ -357,7 +371,7 @@ Result<FoundLeds> LedFinder::Search::decide(BlobSpan blobs, bool white_is_any, T
     if (!used && (uv - images.middle).norm() < reach) ++about;
   }
   const int beyond = best.assignment.blobs - 3;
-  const double near = std::max(0.5, 2 * best_fit.rms_px) / reach;
+  const double near = std::max(0.5, 2 * found.fit.rms_px) / reach;
   const double log_chance = std::log(std::min(1.0, about * near * near));
   const double log_alarms =
       std::log(static_cast<double>(std::max<std::int64_t>(tried, 1))) +

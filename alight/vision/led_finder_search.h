@@ -25,6 +25,11 @@ struct LedFinder::Search {
     Pose X_NB = Pose::Identity();
   };
 
+  struct Settled {
+    Candidate candidate;
+    PoseFit fit;
+  };
+
   bool plausible(const Pose& X_NB) const;
   void prepare(BlobSpan blobs, bool white_is_any);
   void search_triples(BlobSpan blobs, bool white_is_any);
@@ -35,6 +40,9 @@ struct LedFinder::Search {
   /// Refines and scores; false if it falls below what can be accepted.
   bool settle(BlobSpan blobs, bool white_is_any, Candidate& candidate,
               PoseFit& fit) const;
+  /// Whether both tell the same story: near each other, or one leaves out LEDs that the
+  /// other sees and moves over to it once they are put in.
+  bool same_answer(BlobSpan blobs, const Candidate& best, const Candidate& other) const;
   Result<FoundLeds> decide(BlobSpan blobs, bool white_is_any, Time t);
 
   LedFinderConfig config;
@@ -49,6 +57,7 @@ struct LedFinder::Search {
   std::vector<std::pair<double, int>> by_distance;
   std::vector<Vector2> pinhole;  // of blobs, distortion removed, px
   FixedVector<Candidate, kKept> kept;
+  FixedVector<Settled, kKept> settled;
   std::int64_t tried = 0;
 };
 
