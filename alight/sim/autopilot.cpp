@@ -1,0 +1,211 @@
+#include "alight/sim/autopilot.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace alight {
+namespace {
+
+constexpr double kGyroNoise = 0.01;  // rad/s
+constexpr double kHoverTau = 3;      // s, of the hover thrust estimate
+constexpr double kTouchThrust =
+    0.6;  // of hover: so little is needed only on the ground
+constexpr double kTouchSpeed = 0.15;  // m/s
+constexpr double kTouchTime = 0.3;    // s
+constexpr double kThrustMin = 0.04;   // share, in flight
+
+/// Attitude with its z axis along `z_I` (not zero) and heading `yaw`.
+Matrix3 attitude_for(const Vector3& z_I, double yaw) {
+  const Vector3 z = z_I.normalized();
+  const Vector3 ahead(std::cos(yaw), std::sin(yaw), 0);
+  Matrix3 R;
+  R.col(2) = z;
+  R.col(1) = z.cross(ahead).normalized();
+  R.col(0) = R.col(1).cross(z);
+  return R;
+}
+
+}  // namespace
+
+Autopilot::Autopilot(const AutopilotConfig& config, const DroneSpec& drone, Rng rng)
+    : config_(config),
+      attitude_(config.attitude, drone),
+      belief_(config.belief, rng.fork("belief")),
+      rng_(rng.fork("telemetry")),
+      hover_share_(1 / drone.thrust_to_weight),
+      motor_tau_(drone.motor_ms * 1e-3) {}
+
+void Autopilot::receive(const Setpoint& setpoint, Time sent, Time now) {
+  if (setpoint.kind == Setpoint::Kind::none) return;
+  const bool finite = setpoint.q_IB.coeffs().allFinite() &&
+                      setpoint.q_IB.norm() > 0.5 && std::isfinite(setpoint.thrust) &&
+                      setpoint.v_IB.allFinite() && setpoint.a_IB.allFinite() &&
+                      std::isfinite(setpoint.yaw);
+  if (!finite || (any_received_ && sent < newest_sent_)) return;
+  newest_sent_ = sent;
+  last_received_ = now;
+  any_received_ = true;
+  queue_.push_back({setpoint, now + from_seconds(config_.attitude.delay_ms * 1e-3)});
+}
+
+void Autopilot::receive(AutopilotOrder order, Time now) {
+  switch (order) {
+    case AutopilotOrder::none:
+      break;
+    case AutopilotOrder::arm:
+      if (armed_ || arming_) break;
+      arming_ = true;
+      arming_until_ = now + from_seconds(config_.arming_s);
+      told_to_land_ = false;
+      break;
+    case AutopilotOrder::disarm:
+      disarm();
+      break;
+    case AutopilotOrder::land:
+      told_to_land_ = armed_;
+      break;
+  }
+}
+
+void Autopilot::disarm() {
+  armed_ = arming_ = told_to_land_ = false;
+  mode_ = AutopilotMode::manual;
+  thrust_ = thrust_felt_ = 0;
+  integral_.setZero();
+  attitude_.reset();
+}
+
+void Autopilot::choose_mode(Time now) {
+  if (arming_ && now >= arming_until_) {
+    arming_ = false;
+    armed_ = true;
+    still_for_ = 0;
+  }
+  AutopilotMode next = AutopilotMode::manual;
+  if (armed_) {
+    const bool fresh = any_received_ && setpoint_.kind != Setpoint::Kind::none &&
+                       to_seconds(now - last_received_) <= config_.loss_s;
+    if (told_to_land_) {
+      next = AutopilotMode::land;
+    } else if (fresh) {
+      next = AutopilotMode::offboard;
+    } else if (mode_ != AutopilotMode::manual) {
+      next = AutopilotMode::failsafe;
+    }
+  }
+  if (next == mode_) return;
+  const bool landing = next == AutopilotMode::land || next == AutopilotMode::failsafe;
+  if (landing) {
+    land_yaw_ = yaw_of(belief_.R_IF());
+    still_for_ = 0;
+  }
+  integral_.setZero();
+  mode_ = next;
+}
+
+RotorShares Autopilot::step(const Sensed& sensed, Time now, Seconds dt) {
+  sensed_ = sensed;
+  belief_.step(sensed.R_IF, sensed.f_F, sensed.climb, now, dt);
+  while (!queue_.empty() && queue_.front().in_force <= now) {
+    setpoint_ = queue_.front().setpoint;
+    queue_.pop_front();
+  }
+  choose_mode(now);
+  if (!armed_) return {};
+
+  thrust_felt_ += (1 - std::exp(-dt / motor_tau_)) * (thrust_ - thrust_felt_);
+  if (thrust_felt_ > kTouchThrust * hover_share_ && sensed.f_F.z() > 0.5 * kGravity) {
+    const double hover = thrust_felt_ * kGravity / sensed.f_F.z();
+    hover_share_ += dt / kHoverTau * (std::clamp(hover, 0.1, 0.9) - hover_share_);
+  }
+
+  switch (mode_) {
+    case AutopilotMode::offboard:
+      return follow(setpoint_, now, dt);
+    case AutopilotMode::land:
+    case AutopilotMode::failsafe:
+      return land(now, dt);
+    case AutopilotMode::manual:
+    case AutopilotMode::hold:
+      break;
+  }
+  thrust_ = config_.idle;
+  return {config_.idle, config_.idle, config_.idle, config_.idle};
+}
+
+RotorShares Autopilot::follow(const Setpoint& setpoint, Time now, Seconds dt) {
+  if (setpoint.kind == Setpoint::Kind::attitude) {
+    integral_.setZero();
+    thrust_ = std::clamp(setpoint.thrust, config_.idle, 1.0);
+    return attitude_.step(belief_.R_IF(), sensed_.w_F,
+                          setpoint.q_IB.normalized().toRotationMatrix(), thrust_, dt);
+  }
+  return follow_velocity(setpoint.v_IB, setpoint.a_IB, setpoint.yaw,
+                         !belief_.velocity_valid(now), dt);
+}
+
+RotorShares Autopilot::follow_velocity(const Vector3& v_I, const Vector3& a_I,
+                                       double yaw, bool blind, Seconds dt) {
+  Vector3 error = v_I - belief_.v_I();
+  if (blind) error.head<2>().setZero();
+  Vector3 a = a_I + integral_;
+  a.head<2>() += config_.velocity_p * error.head<2>();
+  if (!blind) a.head<2>() -= config_.velocity_d * belief_.a_I().head<2>();
+  a.z() += config_.velocity_p_z * error.z();
+
+  // Height before way: the tilt is what the limit leaves.
+  const double lift = std::max(0.2 * kGravity, kGravity + a.z());
+  const double side_max = lift * std::tan(config_.tilt_max_deg * kDegree);
+  const double side = a.head<2>().norm();
+  const bool tilted_out = side > side_max;
+  if (tilted_out) a.head<2>() *= side_max / side;
+  const Vector3 z_I(a.x(), a.y(), lift);
+
+  // Turned by the tilt the drone has, not the one it is to have.
+  const double along = std::max(0.5, belief_.R_IF()(2, 2));
+  const double wanted = hover_share_ * (kGravity + a.z()) / kGravity / along;
+  thrust_ = std::clamp(wanted, kThrustMin, 1.0);
+  const double ki[3] = {config_.velocity_i, config_.velocity_i, config_.velocity_i_z};
+  for (int axis = 0; axis < 3; ++axis) {
+    const bool winding =
+        axis == 2 ? (wanted != thrust_ && error.z() * a.z() > 0) : tilted_out;
+    if (!winding) integral_[axis] += ki[axis] * error[axis] * dt;
+  }
+  integral_.z() = std::clamp(integral_.z(), -kGravity, kGravity);
+  return attitude_.step(belief_.R_IF(), sensed_.w_F, attitude_for(z_I, yaw), thrust_,
+                        dt);
+}
+
+RotorShares Autopilot::land(Time now, Seconds dt) {
+  const RotorShares shares =
+      follow_velocity(Vector3(0, 0, -config_.land_speed_m_s), Vector3::Zero(),
+                      land_yaw_, !belief_.velocity_valid(now), dt);
+  const bool at_rest = thrust_ < kTouchThrust * hover_share_ &&
+                       std::abs(belief_.v_I().z()) < kTouchSpeed;
+  const bool touched = still_for_ > kTouchTime;
+  if (at_rest || touched) still_for_ += dt;
+  if (!at_rest && !touched) still_for_ = 0;
+  if (still_for_ > config_.land_disarm_s) {
+    disarm();
+    return {};
+  }
+  if (!touched) return shares;
+  thrust_ = config_.idle;
+  return {config_.idle, config_.idle, config_.idle, config_.idle};
+}
+
+AutopilotTelemetry Autopilot::telemetry(Time now) {
+  AutopilotTelemetry out;
+  out.captured = now;
+  out.q_IB = Eigen::Quaterniond(belief_.R_IF());
+  const double x = rng_.normal(0, kGyroNoise);
+  const double y = rng_.normal(0, kGyroNoise);
+  const double z = rng_.normal(0, kGyroNoise);
+  out.w_IB_B = sensed_.w_F + Vector3(x, y, z);
+  out.armed = armed_;
+  out.mode = mode_;
+  out.battery = sensed_.battery;
+  return out;
+}
+
+}  // namespace alight

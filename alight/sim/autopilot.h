@@ -1,0 +1,99 @@
+#pragma once
+#include <deque>
+
+#include "alight/base/rng.h"
+#include "alight/base/time.h"
+#include "alight/geometry/rig.h"
+#include "alight/geometry/sensor_events.h"
+#include "alight/sim/attitude_loop.h"
+#include "alight/sim/autopilot_belief.h"
+
+namespace alight {
+
+/// The firmware's settings; defaults as PX4 1.16 has them or was measured to behave.
+struct AutopilotConfig {
+  AttitudeLoopConfig attitude;
+  AutopilotBeliefConfig belief;
+  double arming_s = 0.3;
+  double loss_s = 0.3;      ///< COM_OF_LOSS_T: set-points older than this are lost.
+  double velocity_p = 1.8;  ///< MPC_XY_VEL_P_ACC and so on, 1/s
+  double velocity_i = 0.4;  ///< 1/s^2
+  double velocity_d = 0.2;
+  double velocity_p_z = 4;
+  double velocity_i_z = 2;
+  double tilt_max_deg = 35;  ///< In velocity and landing modes.
+  double land_speed_m_s = 0.7;
+  double land_disarm_s = 2;  ///< From touch to motors off.
+  double idle = 0.05;        ///< Motor share on the ground, armed.
+};
+
+/// A flight controller in the manner of PX4 1.16, as seen through its set-points and
+/// its telemetry: attitude and thrust, or velocity, acceleration and heading, are
+/// followed by a cascade that ends at the motors. When set-points stop it lands by
+/// itself, braking over the ground by the pose it was sent; without that pose it levels
+/// and descends.
+class Autopilot {
+ public:
+  Autopilot(const AutopilotConfig& config, const DroneSpec& drone, Rng rng);
+
+  void receive(const Setpoint& setpoint, Time sent, Time now);
+  void receive(const ExternalPose& pose, Time now) { belief_.fuse(pose, now); }
+  void receive(AutopilotOrder order, Time now);
+
+  /// What its sensors feel.
+  struct Sensed {
+    Matrix3 R_IF = Matrix3::Identity();
+    Vector3 w_F = Vector3::Zero();  ///< rad/s
+    Vector3 f_F = Vector3::Zero();  ///< m/s^2
+    double climb = 0;               ///< m/s
+    double battery = 1;
+  };
+  /// One step of `dt` s. @returns the motor commands.
+  RotorShares step(const Sensed& sensed, Time now, Seconds dt);
+
+  bool motors_running() const { return armed_; }
+  AutopilotMode mode() const { return mode_; }
+  const AutopilotBelief& belief() const { return belief_; }
+  /// What it tells: its belief at `now`, with the gyros' noise.
+  AutopilotTelemetry telemetry(Time now);
+
+ private:
+  struct Queued {
+    Setpoint setpoint;
+    Time in_force;
+  };
+  void choose_mode(Time now);
+  void disarm();
+  RotorShares follow(const Setpoint& setpoint, Time now, Seconds dt);
+  RotorShares follow_velocity(const Vector3& v_I, const Vector3& a_I, double yaw,
+                              bool blind, Seconds dt);
+  RotorShares land(Time now, Seconds dt);
+
+  AutopilotConfig config_;
+  AttitudeLoop attitude_;
+  AutopilotBelief belief_;
+  Rng rng_;
+  double hover_share_;
+
+  bool armed_ = false;
+  Time arming_until_ = 0;
+  bool arming_ = false;
+  bool told_to_land_ = false;
+  AutopilotMode mode_ = AutopilotMode::manual;
+
+  std::deque<Queued> queue_;  ///< Received, not yet in force.
+  Setpoint setpoint_;
+  Time newest_sent_ = 0;
+  Time last_received_ = 0;
+  bool any_received_ = false;
+
+  Vector3 integral_ = Vector3::Zero();  ///< m/s^2
+  double thrust_ = 0;                   ///< Last collective, share.
+  double thrust_felt_ = 0;              ///< The same behind the motors' lag.
+  double motor_tau_;
+  double land_yaw_ = 0;
+  Seconds still_for_ = 0;
+  Sensed sensed_;
+};
+
+}  // namespace alight
