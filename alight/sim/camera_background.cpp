@@ -8,8 +8,9 @@ namespace alight {
 namespace {
 
 constexpr int kStripPixels = 60000;  // stays in a second-level cache
-constexpr int kDepthRows = 48;
-constexpr double kTint[3] = {1.2, 0.6, 1.3};  // dark level by channel: violet
+constexpr int kDepthRows = 64;
+constexpr int kPatches = 300;
+constexpr double kTint[3] = {1.2, 0.3, 1.4};  // dark level by channel: violet
 
 }  // namespace
 
@@ -23,25 +24,27 @@ Background::Background(const CameraSimConfig& config, int width, int height, Rng
     color_[i] = static_cast<std::uint8_t>(std::clamp(std::round(level), 0.0, 255.0));
   }
 
-  // Walls and furniture at 2.5 to 6 m, in patches, a third of them without texture.
+  // Walls and furniture at 2.5 to 6 m, seen in patches, a third of them without
+  // texture. The rows close to a ring.
   Rng room = rng.fork("room");
-  depth_.resize(static_cast<std::size_t>(depth_width_) * kDepthRows);
-  constexpr int kPatch = 24;
-  const int columns = depth_width_ / kPatch + 1;
-  for (int v0 = 0; v0 < kDepthRows; v0 += kPatch) {
-    for (int column = 0; column < columns; ++column) {
-      const double z = room.uniform(2.5, 6.0);
-      const bool hole = room.chance(0.35);
-      for (int v = v0; v < std::min(v0 + kPatch, kDepthRows); ++v) {
-        for (int u = column * kPatch; u < std::min((column + 1) * kPatch, depth_width_);
-             ++u) {
-          const double mm = 1000 * (z + config.depth_noise * z * z * room.normal());
-          const bool empty = hole || room.chance(0.05);
-          depth_[static_cast<std::size_t>(v * depth_width_ + u)] =
-              empty ? 0 : static_cast<std::uint16_t>(std::clamp(mm, 0.0, 65535.0));
-        }
+  std::vector<double> z(static_cast<std::size_t>(depth_width_) * kDepthRows, 6.0);
+  for (int patch = 0; patch < kPatches; ++patch) {
+    const double depth = room.chance(0.35) ? 0 : room.uniform(2.5, 6.0);
+    const int u0 = static_cast<int>(room.uniform(-100, depth_width_));
+    const int u1 = std::min(u0 + static_cast<int>(room.uniform(20, 200)), depth_width_);
+    const int v0 = static_cast<int>(room.uniform(0, kDepthRows));
+    const int rows = static_cast<int>(room.uniform(4, 40));
+    for (int v = v0; v < v0 + rows; ++v) {
+      for (int u = std::max(u0, 0); u < u1; ++u) {
+        z[static_cast<std::size_t>((v % kDepthRows) * depth_width_ + u)] = depth;
       }
     }
+  }
+  depth_.resize(z.size());
+  for (std::size_t i = 0; i < z.size(); ++i) {
+    const double mm = 1000 * (z[i] + config.depth_noise * z[i] * z[i] * room.normal());
+    const bool hole = room.chance(0.05);
+    depth_[i] = hole ? 0 : static_cast<std::uint16_t>(std::clamp(mm, 0.0, 65535.0));
   }
 }
 

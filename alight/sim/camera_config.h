@@ -12,12 +12,12 @@ struct CameraSimConfig {
 
   double psf_sd_px = 0.8;  ///< Of a point.
   double led_diameter_mm = 4;
-  double led_peak_at_1m = 1000;    ///< Of a point LED seen head on from 1 m, 2 ms.
+  double led_peak_at_1m = 1200;    ///< Of a point LED seen head on from 1 m, 2 ms.
   double led_peak_max = 2000;      ///< What the camera's own settings hold it down to.
   double led_half_power_deg = 60;  ///< Off the LED's axis, +x of B.
   double led_brightness_spread = 0.15;  ///< sd of the logarithm, drawn per LED.
-  double halo = 0.03;  ///< Height of the coloured halo, share of the core.
-  double halo_sd_px = 2.2;
+  double halo = 0.04;  ///< Height of the coloured halo, share of the core.
+  double halo_sd_px = 2.4;
   bool hidden_by_body = true;  ///< Hull, arms and propellers hide LEDs.
 
   int lights = 40;               ///< Bright pieces of ceiling lights in the room.

@@ -66,9 +66,9 @@ double length(const FixedVector<Vector2, kMaxInstants>& path) {
 std::array<float, 3> sensor_response(LedColor color) {
   switch (color) {
     case LedColor::red:
-      return {0.30f, 0.26f, 1.0f};
+      return {0.36f, 0.33f, 1.0f};
     case LedColor::green:
-      return {0.62f, 1.0f, 0.38f};
+      return {0.70f, 1.0f, 0.48f};
     case LedColor::blue:
       return {1.0f, 0.42f, 0.24f};
     case LedColor::white:
