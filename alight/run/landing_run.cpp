@@ -1,0 +1,391 @@
+#include "alight/run/landing_run.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <deque>
+#include <limits>
+
+#include "alight/eval/statistics.h"
+#include "alight/planning/planner.h"
+#include "alight/run/timing_probe.h"
+#include "alight/sim/camera_renderer.h"
+
+namespace alight {
+namespace {
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+constexpr double kHardContact = 0.8;   // m/s, CONTRACT
+constexpr double kTrackedM = 0.15;     // CONTRACT: tracked
+constexpr double kTrackedRad = 15 * kDegree;
+constexpr Seconds kRestAfterStop = 1.0;
+
+/// A picture taken, on its way to the brain.
+struct Exposure {
+  std::uint64_t index = 0;
+  Time captured = 0;
+  Time received = 0;
+  std::array<SceneAt, 3> scene;
+  TruthState truth;
+};
+
+struct Squares {
+  double sum = 0;
+  int count = 0;
+  void add(double square) {
+    sum += square;
+    ++count;
+  }
+  double root() const { return count > 0 ? std::sqrt(sum / count) : kNaN; }
+  double mean() const { return count > 0 ? sum / count : kNaN; }
+};
+
+/// Gathers the figures of result.json.
+class Tally {
+ public:
+  void frame(const FrameReport& report, const TruthState& truth) {
+    if (report.tracked) begun_ = true;
+    if (!begun_) return;
+    ++frames_;
+    if (!report.tracked) return;
+    const Vector9 e = boxminus(truth.relative(), report.x);
+    position_.add(e.head<3>().squaredNorm());
+    rotation_.add(e.segment<3>(3).squaredNorm());
+    velocity_.add(e.tail<3>().squaredNorm());
+    if (e.head<3>().norm() < kTrackedM && e.segment<3>(3).norm() < kTrackedRad) ++tracked_;
+    const double nees = e.dot(report.cov.ldlt().solve(e));
+    if (std::isfinite(nees)) nees_.add(nees);
+  }
+
+  void step(const Output& out, const TruthState& truth, const ContactReport& contact) {
+    platform_speed_ = std::max(platform_speed_, truth.platform.v_IN_N.norm());
+    if (contact.flown && !contact.touched_down) {
+      drone_speed_ = std::max(drone_speed_, truth.v_IB.norm());
+    }
+    if (!out.trace.reference_valid) return;
+    const double square =
+        (truth.X_NB.translation() - out.trace.reference.p_NB).squaredNorm();
+    switch (out.mission.state) {
+      case MissionState::follow:
+        follow_.add(square);
+        break;
+      case MissionState::rendezvous:
+      case MissionState::land:
+        if (!contact.touched_down) tracking_.add(square);
+        break;
+      default:
+        break;
+    }
+  }
+
+  void report(LandingResult& r) const {
+    r.tracking_rmse_m = tracking_.root();
+    r.follow_rmse_m = follow_.root();
+    r.estimate.position_rmse_m = position_.root();
+    r.estimate.rotation_rmse_deg = rotation_.root() / kDegree;
+    r.estimate.velocity_rmse_m_s = velocity_.root();
+    r.estimate.tracked_fraction =
+        frames_ > 0 ? static_cast<double>(tracked_) / frames_ : 0;
+    r.estimate.nees_mean = nees_.mean();
+    r.platform_speed_max_m_s = platform_speed_;
+    r.drone_speed_max_m_s = drone_speed_;
+  }
+
+ private:
+  bool begun_ = false;
+  int frames_ = 0, tracked_ = 0;
+  Squares position_, rotation_, velocity_, nees_, tracking_, follow_;
+  double platform_speed_ = 0, drone_speed_ = 0;
+};
+
+Percentiles percentiles(const std::vector<double>& us) {
+  return {percentile(us, 0.5), percentile(us, 0.99),
+          us.empty() ? kNaN : *std::max_element(us.begin(), us.end())};
+}
+
+CameraSimConfig camera_config(const Scenario& scenario) {
+  CameraSimConfig config;
+  config.lights = scenario.camera.lights;
+  config.pad_reflectance = scenario.camera.pad_reflectance;
+  config.jpeg = scenario.camera.jpeg;
+  config.noise = scenario.camera.noise;
+  return config;
+}
+
+LandingConfig landing_config(const LandingRunOptions& options) {
+  LandingConfig config = options.profile == Profile::paper
+                             ? LandingConfig::paper(options.rig)
+                             : LandingConfig::standard(options.rig);
+  if (options.scenario.autopilot.interface == AutopilotInterface::velocity &&
+      options.profile != Profile::paper) {
+    config.interface = ControlInterface::velocity;
+    config.pid.platform_feed_forward = true;
+  }
+  config.mission.start_on_floor = options.scenario.start.place == StartPlace::floor;
+  return config;
+}
+
+SceneAt scene(const TruthState& truth) { return {truth.platform.X_IN, truth.X_NB}; }
+
+}  // namespace
+
+const char* to_string(Outcome outcome) {
+  switch (outcome) {
+    case Outcome::landed: return "landed";
+    case Outcome::held: return "held";
+    case Outcome::aborted: return "aborted";
+    case Outcome::refused: return "refused";
+    case Outcome::landed_elsewhere: return "landed_elsewhere";
+    case Outcome::lost_link_landing: return "lost_link_landing";
+    case Outcome::crashed: return "crashed";
+    case Outcome::timeout: return "timeout";
+  }
+  return "timeout";
+}
+
+namespace {
+
+/// The loop's parts, so that its steps can be read one by one.
+class Loop {
+ public:
+  Loop(const LandingRunOptions& options, RunObserver* observer,
+       std::unique_ptr<World> world, CameraRenderer renderer, LandingSystem brain,
+       Planner planner)
+      : options_(options),
+        observer_(observer),
+        world_(std::move(world)),
+        renderer_(std::move(renderer)),
+        brain_(std::move(brain)),
+        planner_(std::move(planner)) {
+    events_.reserve(256);
+  }
+
+  Result<LandingResult> run();
+
+ private:
+  Result<void> take_pictures(Time now);
+  Result<void> gather(Time now);
+  void carry_out(Time now);
+  void judge(LandingResult& result) const;
+
+  const LandingRunOptions& options_;
+  RunObserver* observer_;
+  std::unique_ptr<World> world_;
+  CameraRenderer renderer_;
+  LandingSystem brain_;
+  Planner planner_;
+
+  Tally tally_;
+  TimingProbe probe_;
+  Output out_;
+  std::vector<Event> events_;
+  SensorBatch batch_;
+  std::deque<Exposure> exposures_;
+  std::deque<PlanArrival> plans_;
+  std::deque<ColorBuffer> colors_;  // of this step's pictures
+  std::deque<DepthBuffer> depths_;
+  std::vector<TruthState> frame_truth_;
+  std::uint64_t next_picture_ = 0;
+  bool said_go_ = false;
+  bool was_lost_link_ = false;
+  Time stopped_at_ = -1;
+};
+
+Result<void> Loop::take_pictures(Time now) {
+  const double period = 1 / options_.rig.timing.rate_hz;
+  const Time half = from_seconds(0.5e-3 * options_.rig.timing.exposure_ms);
+  for (;;) {
+    const Time t = from_seconds((static_cast<double>(next_picture_) + 0.5) * period);
+    if (t + half > now) return {};
+    Exposure e;
+    e.index = next_picture_++;
+    e.captured = t;
+    e.received = t + from_seconds(1e-3 * options_.rig.timing.frame_to_use_ms);
+    e.truth = world_->truth_at(t);
+    e.scene = {scene(world_->truth_at(t - half)), scene(e.truth),
+               scene(world_->truth_at(t + half))};
+    if (!world_->fault_active(FaultKind::camera_out, t)) exposures_.push_back(e);
+  }
+}
+
+Result<void> Loop::gather(Time now) {
+  events_.clear();
+  frame_truth_.clear();
+  batch_.clear();
+  world_->collect(now, batch_);
+  for (const auto& e : batch_.odometry) events_.emplace_back(e);
+  for (const auto& e : batch_.imu) events_.emplace_back(e);
+  for (const auto& e : batch_.telemetry) events_.emplace_back(e);
+  for (const auto& e : batch_.link) events_.emplace_back(e);
+  std::size_t used = 0;
+  while (!exposures_.empty() && exposures_.front().received <= now) {
+    const Exposure& e = exposures_.front();
+    if (colors_.size() <= used) {
+      colors_.emplace_back();
+      depths_.emplace_back();
+    }
+    ColorBuffer& color = colors_[used];
+    DepthBuffer& depth = depths_[used];
+    const auto rendered =
+        renderer_.render(e.index, e.scene, color, options_.depth ? &depth : nullptr);
+    if (!rendered) return fail(rendered.error());
+    CameraFrame frame;
+    frame.captured = e.captured;
+    frame.received = e.received;
+    frame.color = color.view();
+    if (options_.depth) frame.depth = depth.view();
+    if (observer_ != nullptr) observer_->on_picture(frame);
+    events_.emplace_back(frame);
+    frame_truth_.push_back(e.truth);
+    exposures_.pop_front();
+    ++used;
+  }
+  while (!plans_.empty() && plans_.front().received <= now) {
+    events_.emplace_back(plans_.front());
+    plans_.pop_front();
+  }
+  if (!said_go_ && to_seconds(now) >= options_.go_at_s) {
+    said_go_ = true;
+    events_.emplace_back(OperatorInput{now, now, OperatorWish::go});
+  }
+  return {};
+}
+
+void Loop::carry_out(Time now) {
+  world_->send(out_.setpoint, now);
+  if (out_.has_external_pose) world_->send(out_.external_pose, now);
+  if (out_.order != AutopilotOrder::none) world_->send(out_.order, now);
+  world_->wish_platform_speed(out_.platform_speed_wish *
+                              options_.scenario.platform.speed_m_s);
+  if (out_.mission.state == MissionState::follow) world_->start_platform();
+  if (out_.has_plan_request) {
+    PlanArrival arrival;
+    arrival.result = planner_.plan(out_.plan_request);
+    arrival.received = now + from_seconds(1e-3 * options_.scenario.planner_delay_ms);
+    if (observer_ != nullptr) observer_->on_plan(out_.plan_request, arrival.result);
+    plans_.push_back(arrival);
+  }
+  was_lost_link_ |= out_.mission.state == MissionState::lost_link;
+}
+
+void Loop::judge(LandingResult& result) const {
+  const ContactReport& contact = world_->contact();
+  const MissionStatus& mission = out_.mission;
+  result.attempts = mission.attempts;
+  result.reason = mission.reason;
+  if (contact.touched_down) {
+    const Vector3 p = world_->truth().X_NB.translation();
+    result.touchdown = LandingResult::Touchdown{
+        to_seconds(contact.first_contact), p.head<2>().norm(),
+        contact.relative_speed_m_s, contact.tilt_deg, contact.yaw_error_deg};
+  }
+  const bool stopped = stopped_at_ >= 0;
+  if (contact.struck) {
+    result.outcome = Outcome::crashed;
+    result.reason = std::string("struck: ") + contact.struck_what;
+  } else if (contact.touched_down && contact.relative_speed_m_s > kHardContact) {
+    result.outcome = Outcome::crashed;
+    result.reason = "first contact was too hard";
+  } else if (mission.state == MissionState::refused) {
+    result.outcome = Outcome::refused;
+  } else if (stopped && contact.flown) {
+    if (was_lost_link_) {
+      result.outcome = Outcome::lost_link_landing;
+    } else if (mission.state == MissionState::aborted) {
+      result.outcome = Outcome::aborted;
+    } else if (world_->standing_on_pad()) {
+      result.outcome = Outcome::landed;
+    } else if (contact.landed_elsewhere) {
+      result.outcome = Outcome::landed_elsewhere;
+      result.reason = "came to rest off the pad";
+    } else {
+      result.outcome = Outcome::crashed;
+      result.reason = "came to rest not on its feet inside the pad";
+    }
+  } else if (mission.state == MissionState::hold) {
+    result.outcome = Outcome::held;
+  } else if (mission.state == MissionState::aborted) {
+    result.outcome = Outcome::aborted;
+  } else {
+    result.outcome = Outcome::timeout;
+  }
+}
+
+Result<LandingResult> Loop::run() {
+  using Clock = std::chrono::steady_clock;
+  const auto began = Clock::now();
+  const Time period = from_seconds(1e-3 * options_.step_ms);
+  const Time end = from_seconds(options_.timeout_s);
+  if (observer_ != nullptr) observer_->on_world(*world_);
+  Time now = 0;
+  for (now = period; now <= end; now += period) {
+    world_->advance_to(now);
+    if (auto good = take_pictures(now); !good) return fail(good.error());
+    if (auto good = gather(now); !good) return fail(good.error());
+    const auto step_began = Clock::now();
+    brain_.step({now, events_}, out_, &probe_);
+    const double us =
+        std::chrono::duration<double, std::micro>(Clock::now() - step_began).count();
+    carry_out(now);
+
+    const TruthState& truth = world_->truth();
+    tally_.step(out_, truth, world_->contact());
+    for (const FrameReport& frame : out_.trace.frames) {
+      for (const TruthState& at : frame_truth_) {
+        if (at.t != frame.t) continue;
+        if (!world_->contact().touched_down) tally_.frame(frame, at);
+        if (observer_ != nullptr) observer_->on_frame(frame, at, us);
+      }
+    }
+    if (observer_ != nullptr) observer_->on_step(out_, truth, us);
+
+    const bool over = out_.mission.state == MissionState::complete ||
+                      out_.mission.state == MissionState::refused ||
+                      out_.mission.state == MissionState::aborted ||
+                      out_.mission.state == MissionState::lost_link;
+    const bool still = !truth.motors_running && (over || world_->contact().struck);
+    if (!still) {
+      stopped_at_ = -1;
+    } else if (stopped_at_ < 0) {
+      stopped_at_ = now;
+    } else if (to_seconds(now - stopped_at_) >= kRestAfterStop) {
+      break;
+    }
+  }
+  LandingResult result;
+  judge(result);
+  tally_.report(result);
+  result.simulated_s = to_seconds(std::min(now, end));
+  const std::chrono::duration<double> took = Clock::now() - began;
+  result.realtime_factor = result.simulated_s / took.count();
+  for (int i = 0; i < kStages; ++i) {
+    const auto stage = static_cast<Stage>(i);
+    result.timing_us[to_string(stage)] = percentiles(probe_.us(stage));
+  }
+  result.events_refused = out_.trace.events_refused;
+  return result;
+}
+
+}  // namespace
+
+Result<LandingResult> run_landing(const LandingRunOptions& options,
+                                  RunObserver* observer) {
+  if (auto good = options.scenario.validate(); !good) return fail(good.error());
+  auto brain = LandingSystem::create(landing_config(options), options.rig);
+  if (!brain) return fail(brain.error());
+  auto planner = Planner::create(
+      options.profile == Profile::paper ? PlannerConfig::paper() : PlannerConfig{},
+      options.rig);
+  if (!planner) return fail(planner.error());
+  auto world = World::create(options.scenario, options.rig, options.seed);
+  if (!world) return fail(world.error());
+  auto renderer = CameraRenderer::create(camera_config(options.scenario),
+                                         (*world)->true_rig().rig, options.seed);
+  if (!renderer) return fail(renderer.error());
+  Loop loop(options, observer, std::move(*world), std::move(*renderer),
+            std::move(*brain), std::move(*planner));
+  return loop.run();
+}
+
+}  // namespace alight

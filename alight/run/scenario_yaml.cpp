@@ -1,0 +1,202 @@
+#include "alight/run/scenario_yaml.h"
+
+#include <sstream>
+
+#include "alight/io/text.h"
+#include "alight/io/yaml_reader.h"
+
+namespace alight {
+namespace {
+
+/// One description of the file serves reading and writing: `visit` names every field.
+template <class Visitor>
+void visit(Visitor& v, Scenario& s) {
+  v.map("platform", [&](auto& m) {
+    m.choice("kind", s.platform.kind,
+             {PlatformKind::still, PlatformKind::straight, PlatformKind::circle,
+              PlatformKind::block, PlatformKind::eight, PlatformKind::recorded,
+              PlatformKind::boat});
+    m.field("speed_m_s", s.platform.speed_m_s);
+    m.field("radius_m", s.platform.radius_m);
+    m.field("side_m", s.platform.side_m);
+    m.field("corner_radius_m", s.platform.corner_radius_m);
+    m.field("yaw_rate_max_deg_s", s.platform.yaw_rate_max_deg_s);
+    m.map("sea", [&](auto& sea) {
+      sea.field("heave_m", s.platform.sea.heave_m);
+      sea.field("roll_deg", s.platform.sea.roll_deg);
+      sea.field("pitch_deg", s.platform.sea.pitch_deg);
+      sea.field("period_s", s.platform.sea.period_s);
+    });
+  });
+  v.map("start", [&](auto& m) {
+    m.choice("place", s.start.place, {StartPlace::pad, StartPlace::floor});
+    m.field("platform_moving", s.start.platform_moving);
+  });
+  v.map("wind", [&](auto& m) {
+    m.field("mean_m_s", s.wind.mean_m_s);
+    m.field("from_deg", s.wind.from_deg);
+    m.choice("gusts", s.wind.gusts, {Gusts::none, Gusts::dryden});
+  });
+  v.map("radio", [&](auto& m) {
+    m.field("latency_ms", s.radio.latency_ms);
+    m.field("jitter_ms", s.radio.jitter_ms);
+    m.field("loss", s.radio.loss);
+    m.field("burst_ms", s.radio.burst_ms);
+    m.field("queue", s.radio.queue);
+  });
+  v.map("camera", [&](auto& m) {
+    m.field("lights", s.camera.lights);
+    m.field("pad_reflectance", s.camera.pad_reflectance);
+    m.field("jpeg", s.camera.jpeg);
+    m.field("noise", s.camera.noise);
+  });
+  v.map("odometry", [&](auto& m) {
+    m.field("rate_hz", s.odometry.rate_hz);
+    m.field("latency_ms", s.odometry.latency_ms);
+    m.field("scale_error", s.odometry.scale_error);
+    m.field("yaw_rate_bias_deg_s", s.odometry.yaw_rate_bias_deg_s);
+    m.field("slip", s.odometry.slip);
+    m.field("imu_rate_hz", s.odometry.imu_rate_hz);
+  });
+  v.map("autopilot", [&](auto& m) {
+    m.choice("interface", s.autopilot.interface,
+             {AutopilotInterface::attitude, AutopilotInterface::velocity});
+    m.field("heading_drift_deg_min", s.autopilot.heading_drift_deg_min);
+    m.field("tilt_error_deg", s.autopilot.tilt_error_deg);
+    m.field("external_pose", s.autopilot.external_pose);
+  });
+  v.map("rig_error", [&](auto& m) {
+    m.field("led_mm", s.rig_error.led_mm);
+    m.field("led_frame_deg", s.rig_error.led_frame_deg);
+    m.field("mount_mm", s.rig_error.mount_mm);
+    m.field("mount_deg", s.rig_error.mount_deg);
+    m.field("focal", s.rig_error.focal);
+    m.field("principal_px", s.rig_error.principal_px);
+    m.field("mass", s.rig_error.mass);
+    m.field("com_mm", s.rig_error.com_mm);
+    m.field("thrust", s.rig_error.thrust);
+  });
+  v.field("planner_delay_ms", s.planner_delay_ms);
+  v.list("faults", s.faults, [](auto& m, FaultScenario& fault) {
+    m.choice("kind", fault.kind,
+             {FaultKind::radio_out, FaultKind::telemetry_out, FaultKind::odometry_out,
+              FaultKind::odometry_jump, FaultKind::camera_out, FaultKind::gust});
+    m.field("at_s", fault.at_s);
+    m.field("for_s", fault.for_s);
+    m.field("amount", fault.amount);
+  });
+}
+
+class Reader {
+ public:
+  explicit Reader(YamlMap map) : map_(std::move(map)) {}
+
+  template <class T>
+  void field(const char* key, T& value) {
+    map_.read(key, value);
+  }
+  template <class Enum>
+  void choice(const char* key, Enum& value, std::initializer_list<Enum> all) {
+    std::string word = to_string(value);
+    map_.read(key, word);
+    std::vector<std::string> words;
+    for (const Enum e : all) {
+      if (word == to_string(e)) {
+        value = e;
+        return;
+      }
+      words.emplace_back(to_string(e));
+    }
+    const std::string near = nearest_key(word, words);
+    std::string what = quoted(word) + " is not one of";
+    for (const std::string& w : words) what += " " + w;
+    if (!near.empty()) what += "; did you mean " + quoted(near) + "?";
+    map_.complain(key, what);
+  }
+  template <class Fill>
+  void map(const char* key, Fill&& fill) {
+    Reader inner(map_.map(key));
+    fill(inner);
+  }
+  template <class T, class Fill>
+  void list(const char* key, std::vector<T>& items, Fill&& fill) {
+    if (!map_.has(key)) return;
+    items.clear();
+    for (const YamlMap& entry : map_.list(key)) {
+      Reader inner(entry);
+      items.emplace_back();
+      fill(inner, items.back());
+    }
+  }
+
+ private:
+  YamlMap map_;
+};
+
+class Writer {
+ public:
+  explicit Writer(std::ostringstream& out, std::string indent = {})
+      : out_(out), indent_(std::move(indent)) {}
+
+  void field(const char* key, const double& value) { line(key, number_text(value)); }
+  void field(const char* key, const int& value) { line(key, std::to_string(value)); }
+  void field(const char* key, const bool& value) { line(key, value ? "true" : "false"); }
+  template <class Enum>
+  void choice(const char* key, Enum& value, std::initializer_list<Enum>) {
+    line(key, to_string(value));
+  }
+  template <class Fill>
+  void map(const char* key, Fill&& fill) {
+    out_ << indent_ << key << ":\n";
+    Writer inner(out_, indent_ + "  ");
+    fill(inner);
+  }
+  template <class T, class Fill>
+  void list(const char* key, std::vector<T>& items, Fill&& fill) {
+    out_ << indent_ << key << ":" << (items.empty() ? " []" : "") << "\n";
+    for (T& item : items) {
+      out_ << indent_ << "  -\n";
+      Writer inner(out_, indent_ + "    ");
+      fill(inner, item);
+    }
+  }
+
+ private:
+  void line(const char* key, const std::string& value) {
+    out_ << indent_ << key << ": " << value << "\n";
+  }
+  std::ostringstream& out_;
+  std::string indent_;
+};
+
+Result<Scenario> read(Result<YamlMap> file, const std::string& name) {
+  if (!file) return fail(file.error());
+  Scenario scenario;
+  Reader reader(*file);
+  visit(reader, scenario);
+  if (auto good = file->finish(); !good) return fail(good.error());
+  if (auto good = scenario.validate(); !good) {
+    return fail(good.error().fault, name + ": " + good.error().detail);
+  }
+  return scenario;
+}
+
+}  // namespace
+
+Result<Scenario> load_scenario(const std::string& path) {
+  return read(YamlMap::load(path), path);
+}
+
+Result<Scenario> parse_scenario(const std::string& text, const std::string& name) {
+  return read(YamlMap::parse(text, name), name);
+}
+
+std::string scenario_text(const Scenario& scenario) {
+  std::ostringstream out;
+  Scenario copy = scenario;
+  Writer writer(out);
+  visit(writer, copy);
+  return out.str();
+}
+
+}  // namespace alight
