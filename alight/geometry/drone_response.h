@@ -13,7 +13,7 @@ struct DroneResponseConfig {
   double omega_rad_s = 10;         ///< Attitude: second-order lag, natural frequency,
   double zeta = 0.55;              ///< damping,
   double delay_ms = 40;            ///< and dead time from a set-point's arrival.
-  double thrust_delay_ms = 40;     ///< Dead time of the thrust share,
+  double thrust_delay_ms = 30;     ///< Dead time of the thrust share,
   double motor_ms = 30;            ///< then a first-order lag.
   double thrust_to_weight = 2.5;   ///< Full thrust gives this times g.
   double velocity_gain = 1.8;      ///< Velocity set-points: 1/s, horizontal
