@@ -58,7 +58,7 @@ LimitPolyhedron make_polyhedron(Profile profile) {
     }
   };
   add_cyclic(1, phi);
-  add_cyclic(1 / phi, phi);
+  add_cyclic(phi, 1 / phi);
   for (const double x : {1.0, -1.0}) {
     for (const double y : {1.0, -1.0}) {
       for (const double z : {1.0, -1.0}) {

@@ -115,6 +115,10 @@ PlanResult Planner::Setting::run(const PlannerConfig& config,
     result.tried = 1;
     result.feasible = outcome.solved() ? 1 : 0;
   }
+  if (details != nullptr) {
+    details->best = T;
+    collect(*details, reduction, corridor, limits, outcome, qp.active());
+  }
   if (!outcome.solved()) {
     result.reason = reason(outcome.kind, outcome.blame, corridor, limits);
     return result;
@@ -130,10 +134,6 @@ PlanResult Planner::Setting::run(const PlannerConfig& config,
   }
   result.jerk_cost = outcome.jerk_cost;
   result.cost = outcome.jerk_cost - reduction.k / std::pow(reduction.h, 5);
-  if (details != nullptr) {
-    details->best = T;
-    collect(*details, reduction, corridor, limits, outcome, qp.active());
-  }
 
   // The solver is not believed.
   result.certificate = certify({config, rig, request, end}, trajectory);
@@ -198,7 +198,7 @@ void Planner::Setting::collect(PlanDetails& details, const Reduction& reduction,
       if (one.row == row) qp.z[r] = one.multiplier;
     }
   }
-  qp.x = Whitened(reduction).variables(outcome.u).reshaped();
+  if (outcome.solved()) qp.x = Whitened(reduction).variables(outcome.u).reshaped();
   qp.constant = unit / 2 * reduction.k;
 }
 

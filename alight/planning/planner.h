@@ -32,7 +32,7 @@ struct PlannerConfig {
   double slowest_m_s = 0.25;  ///< Worst case of the mean speed: the longest times.
   double shortest_s = 0.4;    ///< No segment is shorter.
   double tightening = 0.9;    ///< Of the dynamic limits while sampling.
-  double time_weight = 0.4;   ///< rho, m^2/s^6: cost of a second against jerk.
+  double time_weight = 2.5;   ///< rho, m^2/s^6: cost of a second against jerk.
 
   /// Names the first field out of range, its value and its bounds.
   Result<void> validate() const;
@@ -63,8 +63,8 @@ struct PlanQp {
   Eigen::MatrixXd P, A, G;
   Eigen::VectorXd q, b, h;
   std::vector<Constraint> meaning;  ///< Of each row of G.
-  Eigen::VectorXd x;                ///< The solution,
-  Eigen::VectorXd z;                ///< and the multipliers of G.
+  Eigen::VectorXd x;                ///< The solution; empty if there is none.
+  Eigen::VectorXd z;                ///< The multipliers of G.
   double constant = 0;              ///< jerk cost = cost + constant
 };
 
@@ -76,7 +76,7 @@ struct PlanDetails {
   double acceleration_m_s2 = 0;
   std::vector<LimitFace> polyhedron;  ///< Of v_IB_N, a_IB_N, for a limit of 1.
   PlatformState platform;
-  PlanQp qp;
+  PlanQp qp;  ///< Empty when no sample of the durations is feasible.
   std::array<Seconds, kSegments> best{0, 0};  ///< Durations chosen.
 };
 
