@@ -1,0 +1,134 @@
+#include <memory>
+
+#include "alight/base/rng.h"
+#include "alight/planning/time_allocation.h"
+#include "bench/flight.h"
+
+namespace alight::bench {
+namespace {
+
+PlannerConfig config_of(bool paper) {
+  return paper ? PlannerConfig::paper() : PlannerConfig{};
+}
+
+/// Landings begun behind a pad that drives and turns.
+std::vector<PlanRequest> requests() {
+  Rng rng(5);
+  std::vector<PlanRequest> all;
+  for (int i = 0; i < 32; ++i) {
+    PlanRequest request;
+    request.from.p_NB = Vector3(rng.uniform(-1.3, -0.9), rng.uniform(-0.15, 0.15),
+                                rng.uniform(0.55, 0.75));
+    request.from.v_NB = 0.05 * Vector3(rng.normal(), rng.normal(), rng.normal());
+    request.platform.v_IN_N = Vector3(rng.uniform(0, 0.9), 0, 0);
+    request.platform.w_IN_N = Vector3(0, 0, rng.uniform(-0.6, 0.6));
+    all.push_back(request);
+  }
+  return all;
+}
+
+/// One landing problem, ready to be solved.
+struct Problem {
+  Problem(const PlannerConfig& c, const Rig& rig, const PlanRequest& r)
+      : config(c), request(r), end(landing_end(c, rig)) {
+    corridor = build_corridor(config, rig, request.from, end);
+    const LimitPolyhedron faces = make_polyhedron(config.profile);
+    limits = make_limits(config, rig, faces, request.platform, 1);
+    tightened = make_limits(config, rig, faces, request.platform, config.tightening);
+    range = time_range(config, rig, request, end);
+    LandingQp qp;
+    best =
+        allocate_time(config, range, request.from, end, corridor, tightened, qp).best;
+  }
+  bool feasible() const { return best[0] > 0; }
+
+  PlannerConfig config;
+  PlanRequest request;
+  FlatState end;
+  Corridor corridor;
+  DynamicLimitRows limits, tightened;
+  TimeRange range;
+  std::array<Seconds, kSegments> best{};
+};
+
+std::vector<std::unique_ptr<Problem>> problems(bool paper) {
+  std::vector<std::unique_ptr<Problem>> all;
+  for (const PlanRequest& request : requests()) {
+    auto problem = std::make_unique<Problem>(config_of(paper), alan_rig(), request);
+    if (problem->feasible()) all.push_back(std::move(problem));
+  }
+  return all;
+}
+
+/// One QP with the rows of a profile, from durations to control points. Budget with the
+/// paper's: p99 of 15 us.
+void BM_LandingQp(benchmark::State& state) {
+  const auto all = problems(state.range(0) == 1);
+  if (all.empty()) return state.SkipWithError("no feasible landing");
+  LandingQp qp;
+  Laps laps;
+  std::size_t i = 0, solved = 0;
+  for (auto _ : state) {
+    const Problem& p = *all[i++ % all.size()];
+    laps.time([&] {
+      const Reduction reduction(p.request.from, p.end, p.best);
+      solved += qp.solve(reduction, p.corridor, p.limits).solved();
+    });
+  }
+  laps.report(state);
+  state.counters["problems"] = static_cast<double>(all.size());
+  state.counters["solved"] = benchmark::Counter(static_cast<double>(solved),
+                                                benchmark::Counter::kAvgIterations);
+}
+BENCHMARK(BM_LandingQp)
+    ->ArgName("paper")
+    ->Arg(1)
+    ->Arg(0)
+    ->Unit(benchmark::kMicrosecond);
+
+/// 31 x 31 segment times. Budget: 15 ms.
+void BM_TimeAllocation(benchmark::State& state) {
+  const auto all = problems(state.range(0) == 1);
+  if (all.empty()) return state.SkipWithError("no feasible landing");
+  LandingQp qp;
+  Laps laps;
+  std::size_t i = 0;
+  int tried = 0, feasible = 0;
+  for (auto _ : state) {
+    const Problem& p = *all[i++ % all.size()];
+    laps.time([&] {
+      const Allocation found = allocate_time(p.config, p.range, p.request.from, p.end,
+                                             p.corridor, p.tightened, qp);
+      tried += found.tried;
+      feasible += found.feasible;
+    });
+  }
+  laps.report(state);
+  const auto average = benchmark::Counter::kAvgIterations;
+  state.counters["tried"] = {static_cast<double>(tried), average};
+  state.counters["feasible"] = {static_cast<double>(feasible), average};
+}
+BENCHMARK(BM_TimeAllocation)
+    ->ArgName("paper")
+    ->Arg(1)
+    ->Arg(0)
+    ->Unit(benchmark::kMillisecond);
+
+/// A whole plan with its certificate, the segment times sampled.
+void BM_Plan(benchmark::State& state) {
+  const auto planner = Planner::create(config_of(state.range(0) == 1), alan_rig());
+  if (!planner) return state.SkipWithError("no planner");
+  const auto all = requests();
+  Laps laps;
+  std::size_t i = 0, solved = 0;
+  for (auto _ : state) {
+    laps.time([&] { solved += planner->plan(all[i++ % all.size()]).ok(); });
+  }
+  laps.report(state);
+  state.counters["solved"] = benchmark::Counter(static_cast<double>(solved),
+                                                benchmark::Counter::kAvgIterations);
+}
+BENCHMARK(BM_Plan)->ArgName("paper")->Arg(1)->Arg(0)->Unit(benchmark::kMillisecond);
+
+}  // namespace
+}  // namespace alight::bench
