@@ -5,7 +5,6 @@
 #include <bit>
 #include <cmath>
 
-
 namespace alight {
 namespace {
 
@@ -80,13 +79,13 @@ Result<MapUpdate> solve(const Camera& camera, const Constellation& leds,
   const MatrixN P_inverse = P_llt.solve(MatrixN::Identity());
 
   const RelativeState prior = state.x;
-  RelativeState x = prior;       // where the picture is linearized
-  RelativeState accepted = x;    // last x that lowered the cost
+  RelativeState x = prior;     // where the picture is linearized
+  RelativeState accepted = x;  // last x that lowered the cost
   VectorN step = VectorN::Zero();
-  VectorN e = VectorN::Zero();   // x [-] prior
+  VectorN e = VectorN::Zero();      // x [-] prior
   MatrixN J = MatrixN::Identity();  // its derivative
-  MatrixN M = MatrixN::Zero();   // information of the measurements
-  Eigen::LLT<MatrixN> A;         // of the posterior
+  MatrixN M = MatrixN::Zero();      // information of the measurements
+  Eigen::LLT<MatrixN> A;            // of the posterior
   Linearized picture;
   double cost = 0;
   MapUpdate done;
@@ -94,10 +93,9 @@ Result<MapUpdate> solve(const Camera& camera, const Constellation& leds,
 
   for (bool first = true;;) {
     Vector9 offset = boxminus(x, prior);
-    const bool ahead = linearize(camera, leds, measurements, options.huber_sd,
-                                 x.X_NB(), picture);
-    double new_cost = picture.cost + offset.head<N>().dot(
-                                         P_inverse * offset.head<N>());
+    const bool ahead =
+        linearize(camera, leds, measurements, options.huber_sd, x.X_NB(), picture);
+    double new_cost = picture.cost + offset.head<N>().dot(P_inverse * offset.head<N>());
     const Vector3 r_v = options.v_NB - x.v_NB;
     if constexpr (N == 9) new_cost += r_v.squaredNorm() / options.velocity_variance;
     if (first && !ahead) return fail(Fault::no_convergence);
@@ -157,8 +155,7 @@ Result<MapUpdate> solve(const Camera& camera, const Constellation& leds,
   const MatrixN A_inverse = A.solve(MatrixN::Identity());
   const MatrixN KH = A_inverse * M;
   MatrixN J_inverse = MatrixN::Identity();
-  J_inverse.template block<3, 3>(3, 3) =
-      so3_right_jacobian(e.template segment<3>(3));
+  J_inverse.template block<3, 3>(3, 3) = so3_right_jacobian(e.template segment<3>(3));
   const MatrixN I_KH = (MatrixN::Identity() - KH) * J_inverse;
   MatrixN C = I_KH * P_prior * I_KH.transpose() + KH * A_inverse;
   C = 0.5 * (C + C.transpose()).eval();
@@ -196,8 +193,9 @@ Result<MapUpdate> solve(const Camera& camera, const Constellation& leds,
 
 }  // namespace
 
-double predicted_depth(const Camera& camera, const Pose& X_NB, const Constellation& leds,
-                       std::uint16_t which, Eigen::Matrix<double, 1, 6>* J) {
+double predicted_depth(const Camera& camera, const Pose& X_NB,
+                       const Constellation& leds, std::uint16_t which,
+                       Eigen::Matrix<double, 1, 6>* J) {
   Vector3 p_BL = Vector3::Zero();
   int count = 0;
   for (int i = 0; i < leds.size(); ++i) {

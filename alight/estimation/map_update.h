@@ -45,7 +45,8 @@ struct MapUpdate {
 /// the others follow by their correlation with it, exactly as in the full system.
 /// `bias`, unless null, goes along: the filter's response to displaced LEDs.
 ///
-/// @returns no_convergence, with nothing changed, when an LED lies behind the lens, P is
+/// @returns no_convergence, with nothing changed, when an LED lies behind the lens, P
+/// is
 ///          not positive definite or the cost does not fall.
 Result<MapUpdate> map_update(const Camera& camera, const Constellation& leds,
                              const PictureMeasurements& measurements,
@@ -54,7 +55,8 @@ Result<MapUpdate> map_update(const Camera& camera, const Constellation& leds,
 
 /// Depth of an observation's LEDs along the optical axis, mean, m; `J` by the tangent
 /// of X_NB.
-double predicted_depth(const Camera& camera, const Pose& X_NB, const Constellation& leds,
-                       std::uint16_t which, Eigen::Matrix<double, 1, 6>* J = nullptr);
+double predicted_depth(const Camera& camera, const Pose& X_NB,
+                       const Constellation& leds, std::uint16_t which,
+                       Eigen::Matrix<double, 1, 6>* J = nullptr);
 
 }  // namespace alight

@@ -23,8 +23,8 @@ MotionState extrapolate(const MotionState& state, const PredictionInput& input,
   const Matrix3 W = hat(w);
   const Matrix3 A_p = -W * W - hat(platform.alpha_IN_N);
   const Matrix3 A_v = -2 * W;
-  const Vector3 a_NB = relative_acceleration(
-      platform, p_NB, v_NB, f_N + state.d_N + gravity_N(platform));
+  const Vector3 a_NB = relative_acceleration(platform, p_NB, v_NB,
+                                             f_N + state.d_N + gravity_N(platform));
   const Vector3 jerk = f_rate_N + A_v * a_NB + A_p * v_NB - w.cross(state.d_N);
 
   const double dt2 = 0.5 * dt * dt;

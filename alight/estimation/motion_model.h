@@ -19,9 +19,9 @@ enum class ProcessModel : std::uint8_t {
 
 /// What is known of the motion during one interval, constant over it.
 struct PredictionInput {
-  PlatformState platform;                ///< Motion of N: frame terms and gravity.
-  Vector3 f_N = Vector3::Zero();         ///< Expected specific force on B, in N, m/s^2.
-  Vector3 w_NB_B = Vector3::Zero();      ///< Expected rate of B against N, in B, rad/s.
+  PlatformState platform;            ///< Motion of N: frame terms and gravity.
+  Vector3 f_N = Vector3::Zero();     ///< Expected specific force on B, in N, m/s^2.
+  Vector3 w_NB_B = Vector3::Zero();  ///< Expected rate of B against N, in B, rad/s.
 };
 
 /// The state with what the model does not know: d_N, the acceleration by wind, drag,

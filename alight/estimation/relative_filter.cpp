@@ -11,6 +11,7 @@ namespace {
 
 constexpr Seconds kFrame = 1.0 / 60;  // what variance_per_frame counts by
 constexpr Time kLongest = 60'000'000'000;
+constexpr double kLost = 100;  // m, standard deviation; nothing is known beyond
 
 bool finite(const PlatformState& p) {
   return p.X_IN.matrix().allFinite() && p.w_IN_N.allFinite() && p.a_IN_N.allFinite() &&
@@ -45,8 +46,8 @@ Result<RelativeFilter> RelativeFilter::create(const RelativeFilterConfig& config
   return RelativeFilter(config, camera, leds);
 }
 
-void RelativeFilter::reset(Time t, const RelativeState& x, const Covariance9& covariance,
-                           const Vector3& d_N) {
+void RelativeFilter::reset(Time t, const RelativeState& x,
+                           const Covariance9& covariance, const Vector3& d_N) {
   assert(x.p_NB.allFinite() && x.R_NB.allFinite() && x.v_NB.allFinite());
   assert(covariance.allFinite() && d_N.allFinite());
   initialized_ = true;
@@ -55,7 +56,8 @@ void RelativeFilter::reset(Time t, const RelativeState& x, const Covariance9& co
   P_.setZero();
   P_.topLeftCorner<9, 9>() = covariance;
   if (config_.estimate_disturbance) {
-    P_.diagonal().tail<3>().setConstant(config_.disturbance_sd * config_.disturbance_sd);
+    P_.diagonal().tail<3>().setConstant(config_.disturbance_sd *
+                                        config_.disturbance_sd);
   }
   led_bias_.setZero();
   updates_ = 0;
@@ -84,6 +86,10 @@ Result<void> RelativeFilter::predict_to(Time t, const PredictionInput& given) {
   if (!P.allFinite() || !next.x.p_NB.allFinite() || !next.x.R_NB.allFinite() ||
       !next.x.v_NB.allFinite() || !next.d_N.allFinite()) {
     return fail(Fault::invalid_input);
+  }
+  if (P.diagonal().head<3>().maxCoeff() > kLost * kLost) {
+    stop();
+    return fail(Fault::degenerate);
   }
   state_ = next;
   P_ = 0.5 * (P + P.transpose());
@@ -127,8 +133,8 @@ Result<void> RelativeFilter::prepare(const LedFrame& frame,
     const Vector2 led_px = config_.led_position_sd_m / z * Vector2(lens.fx, lens.fy);
     m.cov.setZero();
     if (config_.use_observation_cov) m.cov = o.cov;
-    m.cov.diagonal() += (led_px.cwiseAbs2() + Vector2::Constant(config_.pixel_sd_px *
-                                                                config_.pixel_sd_px)) /
+    m.cov.diagonal() += (led_px.cwiseAbs2() +
+                         Vector2::Constant(config_.pixel_sd_px * config_.pixel_sd_px)) /
                         n;
 
     const Vector2 innovation = o.uv - *uv;
@@ -205,8 +211,7 @@ Result<UpdateReport> RelativeFilter::update(const LedFrame& frame) {
 
 void RelativeFilter::learn_velocity() {
   if (updates_ > 0) {
-    const Vector3 v =
-        (state_.x.p_NB - last_p_NB_) / to_seconds(time_ - last_update_);
+    const Vector3 v = (state_.x.p_NB - last_p_NB_) / to_seconds(time_ - last_update_);
     measured_v_NB_ += config_.velocity_alpha * (v - measured_v_NB_);
   }
   last_p_NB_ = state_.x.p_NB;

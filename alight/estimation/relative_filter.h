@@ -22,8 +22,7 @@ class RelativeFilter {
  public:
   /// invalid_config, or too_few_points for a constellation of less than three LEDs.
   static Result<RelativeFilter> create(const RelativeFilterConfig& config,
-                                       const Camera& camera,
-                                       const Constellation& leds);
+                                       const Camera& camera, const Constellation& leds);
 
   /// Begins anew; the disturbance is forgotten unless it is given.
   /// @pre everything finite, R_NB a rotation, covariance positive definite.
@@ -37,6 +36,7 @@ class RelativeFilter {
   /// Carries the state to `t` with one input, constant since time().
   /// @returns invalid_input, and nothing changed: not initialized, t before time(),
   ///          more than a minute ahead, input not finite. t == time() is no error.
+  ///          degenerate: the position is uncertain by more than 100 m; stops.
   Result<void> predict_to(Time t, const PredictionInput& input);
 
   /// As above in steps of at most `step` ns; `input_at(Time)` gives the PredictionInput

@@ -45,8 +45,9 @@ Result<void> RelativeFilterConfig::validate() const {
     return fail(Fault::invalid_config, detail.str());
   }
   if (!use_observation_cov && pixel_sd_px < 1e-3) {
-    return fail(Fault::invalid_config,
-                "estimation.pixel_sd_px: at least 0.001 when use_observation_cov is off");
+    return fail(
+        Fault::invalid_config,
+        "estimation.pixel_sd_px: at least 0.001 when use_observation_cov is off");
   }
   if (variance_per_frame <= 0 && (noise.rate <= 0 || noise.acceleration <= 0)) {
     return fail(Fault::invalid_config,

@@ -15,10 +15,10 @@ struct ObservationReport {
 /// What the filter made of one picture.
 struct UpdateReport {
   int iterations = 0;
-  bool converged = false;   ///< The last step was below the tolerance.
-  int used = 0;             ///< Observations that took part.
-  int gated = 0;            ///< Too improbable.
-  int malformed = 0;        ///< NaN, no covariance, unknown LED.
+  bool converged = false;      ///< The last step was below the tolerance.
+  int used = 0;                ///< Observations that took part.
+  int gated = 0;               ///< Too improbable.
+  int malformed = 0;           ///< NaN, no covariance, unknown LED.
   double reprojection_px = 0;  ///< Root mean square distance, used ones, after.
   FixedVector<ObservationReport, kMaxLeds> seen;  ///< Those used.
   FixedVector<RefusedBlob, kMaxRefused> refused;  ///< Those not: Refusal::gated.

@@ -45,7 +45,8 @@ Nees matched_runs(const RelativeFilterConfig& config, int frames, bool use_depth
       auto frame = picture(rig.camera, rig.leds, truth.x.X_NB(), t, 0.2, rng);
       if (use_depth) {
         for (auto& o : frame.seen) {
-          const double z = predicted_depth(rig.camera, truth.x.X_NB(), rig.leds, o.leds);
+          const double z =
+              predicted_depth(rig.camera, truth.x.X_NB(), rig.leds, o.leds);
           o.depth_m = z + rng.normal(0, std::hypot(config.depth_sd_m,
                                                    config.depth_sd_share * z));
         }

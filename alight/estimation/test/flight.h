@@ -15,22 +15,23 @@ inline Vector3 normal3(Rng& rng, double sd) {
 }
 
 /// Pictures of a drone at X_NB by `leds` as they truly are, with pixel noise.
-inline LedFrame picture(const Camera& camera, const Constellation& leds, const Pose& X_NB,
-                        Time t, double sd_px, Rng& rng) {
+inline LedFrame picture(const Camera& camera, const Constellation& leds,
+                        const Pose& X_NB, Time t, double sd_px, Rng& rng) {
   LedFrame frame;
   frame.t = t;
   for (int i = 0; i < leds.size(); ++i) {
     const auto uv = project_led(camera, X_NB, leds.p_BL(i));
     if (!uv || !camera.intrinsics.contains(*uv)) continue;
-    frame.seen.push_back({.leds = static_cast<std::uint16_t>(1u << i),
-                          .uv = *uv + Vector2(rng.normal(0, sd_px), rng.normal(0, sd_px)),
-                          .cov = sd_px * sd_px * Matrix2::Identity()});
+    frame.seen.push_back(
+        {.leds = static_cast<std::uint16_t>(1u << i),
+         .uv = *uv + Vector2(rng.normal(0, sd_px), rng.normal(0, sd_px)),
+         .cov = sd_px * sd_px * Matrix2::Identity()});
   }
   return frame;
 }
 
-/// A platform on a circle and a drone that sways about a place behind it, tilting as its
-/// thrust needs. Everything follows from the time.
+/// A platform on a circle and a drone that sways about a place behind it, tilting as
+/// its thrust needs. Everything follows from the time.
 struct Flight {
   double speed_m_s = 0.9;
   double radius_m = 1.5;
@@ -71,8 +72,9 @@ struct Flight {
   RelativeState state(double t) const {
     const FlatState s = flat(t);
     const Vector3 up = force_N(t).normalized();
-    return {s.p_NB, Eigen::Quaterniond::FromTwoVectors(Vector3::UnitZ(), up)
-                        .toRotationMatrix(), s.v_NB};
+    return {s.p_NB,
+            Eigen::Quaterniond::FromTwoVectors(Vector3::UnitZ(), up).toRotationMatrix(),
+            s.v_NB};
   }
 
   PredictionInput input(double t) const {
@@ -80,8 +82,7 @@ struct Flight {
     PredictionInput u;
     u.platform = platform(t);
     u.f_N = force_N(t);
-    u.w_NB_B =
-        so3_log(state(t - h).R_NB.transpose() * state(t + h).R_NB) / (2 * h);
+    u.w_NB_B = so3_log(state(t - h).R_NB.transpose() * state(t + h).R_NB) / (2 * h);
     return u;
   }
 };
@@ -103,10 +104,10 @@ struct Conditions {
   double settle_s = 1;
   double sd_px = 0.2;
   double led_error_m = 0;
-  double thrust_scale = 1;          ///< the filter is told this much of the force
-  double rate_noise = 0.2;          ///< of the input, rad/s, drawn anew every 50 ms
-  double force_noise = 0.3;         ///< of the input, m/s^2, drawn anew every 50 ms
-  Vector3 gust_I = Vector3::Zero(); ///< on and off every two seconds
+  double thrust_scale = 1;           ///< the filter is told this much of the force
+  double rate_noise = 0.2;           ///< of the input, rad/s, drawn anew every 50 ms
+  double force_noise = 0.3;          ///< of the input, m/s^2, drawn anew every 50 ms
+  Vector3 gust_I = Vector3::Zero();  ///< on and off every two seconds
   std::uint64_t seed = 1;
 };
 

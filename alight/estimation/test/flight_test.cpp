@@ -1,6 +1,6 @@
-#include <gtest/gtest.h>
-
 #include "alight/estimation/test/flight.h"
+
+#include <gtest/gtest.h>
 
 // Accuracy against a truth the filter knows nothing of: a drone that sways behind a
 // platform on a circle, set-points that tell its force only roughly.
@@ -55,9 +55,8 @@ TEST(FlightOnTheCircle, ThrustTenPercentOff) {
 }
 
 TEST(FlightOnTheCircle, LedsTwoMillimetresOff) {
-  const Errors e = average({}, {},
-                           {.led_error_m = 0.002, .thrust_scale = 1.1,
-                            .gust_I = {0.7, 0.7, 0}});
+  const Errors e = average(
+      {}, {}, {.led_error_m = 0.002, .thrust_scale = 1.1, .gust_I = {0.7, 0.7, 0}});
   EXPECT_LT(e.position_rmse_m, 0.05);
   EXPECT_LT(e.velocity_rmse_m_s, 0.10);
   EXPECT_LT(e.pose_nees, 6);
@@ -65,9 +64,11 @@ TEST(FlightOnTheCircle, LedsTwoMillimetresOff) {
 }
 
 TEST(FlightOnTheCircle, FromHalfAMetreToThree) {
-  const struct { Vector3 place, sway; double position, velocity; } cases[] = {
-      {{0.0, 0, 0.25}, {0.05, 0.1, 0.03}, 0.002, 0.04},
-      {{-2.3, 0, 1.1}, {0.15, 0.2, 0.1}, 0.018, 0.10}};
+  const struct {
+    Vector3 place, sway;
+    double position, velocity;
+  } cases[] = {{{0.0, 0, 0.25}, {0.05, 0.1, 0.03}, 0.002, 0.04},
+               {{-2.3, 0, 1.1}, {0.15, 0.2, 0.1}, 0.018, 0.10}};
   for (const auto& c : cases) {
     Flight flight;
     flight.place_N = c.place;
@@ -92,8 +93,9 @@ TEST(FlightOnTheCircle, DisturbanceIsLearnt) {
     auto u = flight.input((k - 0.5) / 60);
     u.f_N -= u.platform.X_IN.linear().transpose() * wind_I;
     ASSERT_TRUE(filter.predict_to(t, u).has_value());
-    ASSERT_TRUE(filter.update(picture(rig.camera, rig.leds,
-                                      flight.state(to_seconds(t)).X_NB(), t, 0.2, rng))
+    ASSERT_TRUE(filter
+                    .update(picture(rig.camera, rig.leds,
+                                    flight.state(to_seconds(t)).X_NB(), t, 0.2, rng))
                     .has_value());
     if (k <= 180) continue;
     const Matrix3 R_IN = flight.platform(to_seconds(t)).X_IN.linear();
@@ -114,7 +116,8 @@ TEST(PaperProfile, VelocityFollowsLate) {
   const Rig rig = alan_rig();
   Rng rng(2);
   auto filter =
-      RelativeFilter::create(RelativeFilterConfig::paper(), rig.camera, rig.leds).value();
+      RelativeFilter::create(RelativeFilterConfig::paper(), rig.camera, rig.leds)
+          .value();
   RelativeState x;
   x.p_NB = {-0.6, -0.4, 0.5};
   x.v_NB = {-0.1, 0.1, 0.05};
@@ -167,8 +170,8 @@ TEST(Depth, HelpsWhereItIsGood) {
       auto frame = picture(rig.camera, rig.leds, X_NB, t, 0.4, rng);
       for (std::size_t i = 0; i < frame.seen.size(); ++i) {
         auto& o = frame.seen[i];
-        o.depth_m = predicted_depth(rig.camera, X_NB, rig.leds, o.leds) +
-                    rng.normal(0, 0.002);
+        o.depth_m =
+            predicted_depth(rig.camera, X_NB, rig.leds, o.leds) + rng.normal(0, 0.002);
         if (i == 2) o.depth_m = 6.0;  // the wall behind: depth refused, image kept
       }
       const auto report = filter.update(frame);

@@ -39,8 +39,8 @@ struct Case {
     Vector12 white;
     for (int i = 0; i < 12; ++i) white[i] = rng.normal();
     truth = boxplus(prior, Vector12(P.llt().matrixL() * white));
-    measurements = measurements_of(
-        picture(rig.camera, rig.leds, truth.x.X_NB(), 0, 0.3, rng));
+    measurements =
+        measurements_of(picture(rig.camera, rig.leds, truth.x.X_NB(), 0, 0.3, rng));
   }
 
   double cost(const MotionState& s, const MapUpdateOptions& options) const {
@@ -78,15 +78,16 @@ TEST(MapUpdate, FindsTheMinimumOfTheWholeCost) {
                                      .v_NB = c.truth.x.v_NB};
       MotionState s = c.prior;
       Matrix12 P = c.P;
-      const auto done = map_update(c.rig.camera, c.rig.leds, c.measurements, options, s,
-                                   P, nullptr);
+      const auto done =
+          map_update(c.rig.camera, c.rig.leds, c.measurements, options, s, P, nullptr);
       ASSERT_TRUE(done.has_value());
       EXPECT_TRUE(done->converged);
       const double h = 1e-6;
       for (int i = 0; i < 12; ++i) {
-        const double slope = (c.cost(boxplus(s, Vector12(h * Vector12::Unit(i))), options) -
-                              c.cost(boxplus(s, Vector12(-h * Vector12::Unit(i))), options)) /
-                             (2 * h);
+        const double slope =
+            (c.cost(boxplus(s, Vector12(h * Vector12::Unit(i))), options) -
+             c.cost(boxplus(s, Vector12(-h * Vector12::Unit(i))), options)) /
+            (2 * h);
         // In units of the posterior's standard deviation.
         EXPECT_NEAR(slope * std::sqrt(P(i, i)), 0, 1e-4) << "component " << i;
       }
@@ -101,9 +102,9 @@ TEST(MapUpdate, CovarianceIsTheInverseInformation) {
     MotionState s = c.prior;
     Matrix12 P = c.P;
     const MapUpdateOptions options{.max_iterations = 50, .tolerance = 1e-10};
-    ASSERT_TRUE(map_update(c.rig.camera, c.rig.leds, c.measurements, options, s, P,
-                           nullptr)
-                    .has_value());
+    ASSERT_TRUE(
+        map_update(c.rig.camera, c.rig.leds, c.measurements, options, s, P, nullptr)
+            .has_value());
     const Vector12 e = boxminus(s, c.prior);
     Matrix12 J = Matrix12::Identity();
     J.block<3, 3>(3, 3) = so3_right_jacobian_inverse(e.segment<3>(3));
@@ -140,9 +141,8 @@ TEST(MapUpdate, LedBiasAgreesWithDifferences) {
   bias.setZero(12, 3 * c.rig.leds.size());
   MotionState s = c.prior;
   Matrix12 P = c.P;
-  ASSERT_TRUE(
-      map_update(c.rig.camera, c.rig.leds, c.measurements, options, s, P, &bias)
-          .has_value());
+  ASSERT_TRUE(map_update(c.rig.camera, c.rig.leds, c.measurements, options, s, P, &bias)
+                  .has_value());
   const double h = 1e-5;
   for (int k = 0; k < c.rig.leds.size(); ++k) {
     for (int axis = 0; axis < 3; ++axis) {
@@ -170,10 +170,10 @@ TEST(MapUpdate, LedBiasAgreesWithDifferences) {
 TEST(MapUpdate, MergedLedsMeasureTheirMean) {
   Case c(5);
   PictureMeasurements merged;
-  merged.push_back({.leds = 0b000110,
-                    .uv = *project_observation(c.rig.camera, c.truth.x.X_NB(),
-                                               c.rig.leds, 0b000110),
-                    .cov = 0.01 * Matrix2::Identity()});
+  merged.push_back(
+      {.leds = 0b000110,
+       .uv = *project_observation(c.rig.camera, c.truth.x.X_NB(), c.rig.leds, 0b000110),
+       .cov = 0.01 * Matrix2::Identity()});
   for (const auto& m : c.measurements) {
     if ((m.leds & 0b000110) == 0) merged.push_back(m);
   }

@@ -24,7 +24,8 @@ PredictionInput random_input(Rng& rng) {
 }
 
 MotionState random_state(Rng& rng) {
-  return {{random3(rng, 2), so3_exp(random3(rng, 1)), random3(rng, 1)}, random3(rng, 1)};
+  return {{random3(rng, 2), so3_exp(random3(rng, 1)), random3(rng, 1)},
+          random3(rng, 1)};
 }
 
 class BothModels : public testing::TestWithParam<ProcessModel> {};
@@ -64,7 +65,8 @@ TEST_P(BothModels, OneStepAgreesWithManySmallOnes) {
 }
 
 INSTANTIATE_TEST_SUITE_P(MotionModel, BothModels,
-                         testing::Values(ProcessModel::hover, ProcessModel::set_points));
+                         testing::Values(ProcessModel::hover,
+                                         ProcessModel::set_points));
 
 // A drone that falls freely in I, seen from a platform that turns and accelerates.
 TEST(MotionModel, FreeFallSeenFromACircle) {
@@ -85,8 +87,8 @@ TEST(MotionModel, FreeFallSeenFromACircle) {
     const Vector3 p_IB = p_0 + v_0 * t + 0.5 * g * t * t;
     RelativeState x;
     x.p_NB = p.X_IN.inverse() * p_IB;
-    x.v_NB = p.X_IN.linear().transpose() * (v_0 + g * t) - p.v_IN_N -
-             p.w_IN_N.cross(x.p_NB);
+    x.v_NB =
+        p.X_IN.linear().transpose() * (v_0 + g * t) - p.v_IN_N - p.w_IN_N.cross(x.p_NB);
     return x;
   };
   MotionState s{truth(0)};

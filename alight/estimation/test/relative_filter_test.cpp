@@ -1,0 +1,331 @@
+#include "alight/estimation/relative_filter.h"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+
+#include "alight/estimation/test/flight.h"
+
+namespace alight::test {
+namespace {
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+
+struct Bench {
+  Rig rig = alan_rig();
+  Flight flight;
+  Rng rng{9};
+  RelativeFilter filter;
+
+  explicit Bench(const RelativeFilterConfig& config = {})
+      : filter(RelativeFilter::create(config, rig.camera, rig.leds).value()) {
+    filter.reset(0, flight.state(0), start_covariance());
+  }
+  Time time(int k) const { return from_seconds(k / 60.0); }
+  LedFrame frame(int k) {
+    return picture(rig.camera, rig.leds, truth(k).X_NB(), time(k), 0.2, rng);
+  }
+  RelativeState truth(int k) const { return flight.state(to_seconds(time(k))); }
+  bool predict(int k) {
+    return filter.predict_to(time(k), flight.input((k - 0.5) / 60)).has_value();
+  }
+  void run(int from, int to) {
+    for (int k = from; k <= to; ++k) {
+      ASSERT_TRUE(predict(k));
+      ASSERT_TRUE(filter.update(frame(k)).has_value());
+    }
+  }
+};
+
+Fault fault_of(const Result<UpdateReport>& result) {
+  return result ? Fault::io : result.error().fault;  // io: none of the filter's
+}
+
+void expect_sound(const RelativeFilter& filter) {
+  const RelativeState& x = filter.state();
+  ASSERT_TRUE(x.p_NB.allFinite() && x.R_NB.allFinite() && x.v_NB.allFinite());
+  ASSERT_TRUE(filter.disturbance_N().allFinite());
+  EXPECT_LT((x.R_NB.transpose() * x.R_NB - Matrix3::Identity()).norm(), 1e-9);
+  EXPECT_EQ(filter.tracking_covariance().llt().info(), Eigen::Success);
+  EXPECT_EQ(filter.covariance().llt().info(), Eigen::Success);
+}
+
+TEST(RelativeFilter, NeedsResetFirst) {
+  const Rig rig = alan_rig();
+  auto filter = RelativeFilter::create({}, rig.camera, rig.leds).value();
+  EXPECT_FALSE(filter.initialized());
+  EXPECT_FALSE(filter.predict_to(1, {}).has_value());
+  EXPECT_EQ(fault_of(filter.update(LedFrame{})), Fault::invalid_input);
+}
+
+TEST(RelativeFilter, RefusesTooFewLeds) {
+  const Rig rig = alan_rig();
+  Constellation two;
+  two.leds.push_back(rig.leds.leds[0]);
+  two.leds.push_back(rig.leds.leds[1]);
+  const auto filter = RelativeFilter::create({}, rig.camera, two);
+  ASSERT_FALSE(filter.has_value());
+  EXPECT_EQ(filter.error().fault, Fault::too_few_points);
+}
+
+TEST(RelativeFilter, RefusesPicturesThatAreNotOfItsTime) {
+  Bench b;
+  b.run(1, 10);
+  const auto before = b.filter.state();
+  EXPECT_EQ(fault_of(b.filter.update(b.frame(10))), Fault::invalid_input);  // repeated
+  EXPECT_EQ(fault_of(b.filter.update(b.frame(8))), Fault::invalid_input);   // late
+  EXPECT_EQ(fault_of(b.filter.update(b.frame(12))), Fault::invalid_input);  // early
+  EXPECT_EQ(boxminus(before, b.filter.state()).norm(), 0);
+  EXPECT_FALSE(b.filter.predict_to(b.time(9), {}).has_value());
+  EXPECT_TRUE(b.filter.predict_to(b.time(10), {}).has_value());  // nothing to do
+  EXPECT_EQ(boxminus(before, b.filter.state()).norm(), 0);
+}
+
+TEST(RelativeFilter, RefusesInputsThatAreNotFinite) {
+  Bench b;
+  b.run(1, 5);
+  for (int field = 0; field < 5; ++field) {
+    auto u = b.flight.input(0.1);
+    if (field == 0) u.f_N.x() = kNaN;
+    if (field == 1) u.w_NB_B.y() = kNaN;
+    if (field == 2) u.platform.w_IN_N.z() = kNaN;
+    if (field == 3) u.platform.X_IN.linear()(0, 0) = kNaN;
+    if (field == 4) u.f_N.z() = 1e300 * 1e300;
+    EXPECT_FALSE(b.filter.predict_to(b.time(6), u).has_value()) << field;
+    EXPECT_EQ(b.filter.time(), b.time(5));
+  }
+  expect_sound(b.filter);
+}
+
+TEST(RelativeFilter, SplittingAPredictionChangesLittle) {
+  Bench a, b;
+  a.run(1, 30);
+  b.run(1, 30);
+  const auto input = a.flight.input(0.5);
+  ASSERT_TRUE(a.filter.predict_to(a.time(31), input).has_value());
+  ASSERT_TRUE(
+      b.filter.predict_through(b.time(31), 1'000'000, [&](Time) { return input; })
+          .has_value());
+  EXPECT_EQ(a.filter.time(), b.filter.time());
+  EXPECT_LT(boxminus(a.filter.state(), b.filter.state()).norm(), 1e-4);
+  const Covariance9 P = a.filter.tracking_covariance();
+  EXPECT_LT((P - b.filter.tracking_covariance()).norm(), 1e-2 * P.norm());
+}
+
+TEST(RelativeFilter, AWrongBlobIsGatedAndTheRestUsed) {
+  Bench b;
+  b.run(1, 60);
+  for (std::size_t wrong = 0; wrong < 6; ++wrong) {
+    Bench c = b;
+    ASSERT_TRUE(c.predict(61));
+    auto frame = c.frame(61);
+    frame.seen[wrong].uv += Vector2(25, 10);
+    const auto report = c.filter.update(frame);
+    ASSERT_TRUE(report.has_value());
+    EXPECT_EQ(report->used, 5);
+    EXPECT_EQ(report->gated, 1);
+    ASSERT_EQ(report->refused.size(), 1u);
+    EXPECT_EQ(report->refused[0].reason, Refusal::gated);
+    EXPECT_EQ(report->refused[0].uv, frame.seen[wrong].uv);
+    EXPECT_LT((c.filter.state().p_NB - c.truth(61).p_NB).norm(), 0.03);
+  }
+}
+
+TEST(RelativeFilter, AContradictionIsReportedAndThePredictionStands) {
+  Bench b;
+  b.run(1, 60);
+  ASSERT_TRUE(b.predict(61));
+  const auto before = b.filter.state();
+  const Covariance9 P = b.filter.covariance();
+  auto frame = b.frame(61);
+  for (auto& o : frame.seen) o.uv.x() += 40;
+  EXPECT_EQ(fault_of(b.filter.update(frame)), Fault::ambiguous);
+  EXPECT_EQ(boxminus(before, b.filter.state()).norm(), 0);
+  EXPECT_EQ(P, b.filter.covariance());
+  EXPECT_EQ(b.filter.last_report().gated, 6);
+  EXPECT_EQ(b.filter.last_report().refused.size(), 6u);
+}
+
+TEST(RelativeFilter, AnEmptyPictureIsTooFewPoints) {
+  Bench b;
+  ASSERT_TRUE(b.predict(1));
+  LedFrame empty;
+  empty.t = b.time(1);
+  EXPECT_EQ(fault_of(b.filter.update(empty)), Fault::too_few_points);
+}
+
+TEST(RelativeFilter, MalformedObservationsAreLeftOut) {
+  Bench b;
+  b.run(1, 20);
+  ASSERT_TRUE(b.predict(21));
+  auto frame = b.frame(21);
+  frame.seen[0].uv.x() = kNaN;
+  frame.seen[1].cov(0, 0) = kNaN;
+  frame.seen[2].cov = -Matrix2::Identity();
+  frame.seen[3].leds = 1u << 9;  // no such LED
+  frame.seen[4].depth_m = kNaN;  // not used here
+  const auto report = b.filter.update(frame);
+  ASSERT_TRUE(report.has_value());
+  EXPECT_EQ(report->malformed, 4);
+  EXPECT_EQ(report->used, 2);
+  expect_sound(b.filter);
+}
+
+TEST(RelativeFilter, ReportsResiduals) {
+  Bench b;
+  b.run(1, 30);
+  ASSERT_TRUE(b.predict(31));
+  const auto report = b.filter.update(b.frame(31));
+  ASSERT_TRUE(report.has_value());
+  EXPECT_EQ(report->used, 6);
+  EXPECT_TRUE(report->converged);
+  double sum = 0;
+  for (const auto& o : report->seen) {
+    sum += o.residual_px.squaredNorm();
+    EXPECT_GE(o.nis, 0);
+  }
+  EXPECT_NEAR(report->reprojection_px, std::sqrt(sum / 6), 1e-12);
+  EXPECT_LT(report->reprojection_px, 1);
+}
+
+TEST(RelativeFilter, BlindnessLowersConfidenceAndSightRestoresIt) {
+  Bench b;
+  b.run(1, 60);
+  const double seeing = b.filter.position_sd();
+  const double yaw = b.filter.yaw_sd();
+  for (int k = 61; k <= 120; ++k) ASSERT_TRUE(b.predict(k));
+  EXPECT_GT(b.filter.position_sd(), 10 * seeing);
+  EXPECT_GT(b.filter.yaw_sd(), yaw);
+  EXPECT_LT((b.filter.state().p_NB - b.truth(120).p_NB).norm(),
+            4 * b.filter.position_sd());
+  b.run(121, 150);
+  EXPECT_LT(b.filter.position_sd(), 1.5 * seeing);
+  EXPECT_LT((b.filter.state().p_NB - b.truth(150).p_NB).norm(), 0.03);
+}
+
+// Whatever happens to every n-th picture, the filter stays sound and on the drone.
+TEST(RelativeFilter, EveryNthFrameLostLateRepeatedOrNaN) {
+  enum class Mishap { lost, late, repeated, nan, empty, garbage, one_led };
+  for (const auto& config : {RelativeFilterConfig{}, RelativeFilterConfig::paper(),
+                             RelativeFilterConfig::camera_only()}) {
+    for (const Mishap mishap :
+         {Mishap::lost, Mishap::late, Mishap::repeated, Mishap::nan, Mishap::empty,
+          Mishap::garbage, Mishap::one_led}) {
+      // The paper's filter has no gate: garbage is not its business.
+      if (mishap == Mishap::garbage && config.gate_chi2 == 0) continue;
+      for (int n = 2; n <= 5; ++n) {
+        Bench b(config);
+        for (int k = 1; k <= 120; ++k) {
+          if (k % n == 0 && mishap == Mishap::lost) continue;
+          ASSERT_TRUE(b.predict(k));
+          auto frame = b.frame(k);
+          if (k % n == 0) {
+            switch (mishap) {
+              case Mishap::lost:
+                break;
+              case Mishap::late:
+                frame.t -= 20'000'000;
+                break;
+              case Mishap::repeated:
+                (void)b.filter.update(frame);
+                break;
+              case Mishap::nan:
+                for (auto& o : frame.seen) o.uv.y() = kNaN;
+                break;
+              case Mishap::empty:
+                frame.seen.clear();
+                break;
+              case Mishap::garbage:
+                for (auto& o : frame.seen) {
+                  o.uv = {b.rng.uniform(0, 848), b.rng.uniform(0, 480)};
+                }
+                break;
+              case Mishap::one_led:
+                frame.seen.truncate(1);
+                break;
+            }
+          }
+          (void)b.filter.update(frame);
+          expect_sound(b.filter);
+        }
+        EXPECT_LT((b.filter.state().p_NB - b.truth(120).p_NB).norm(), 0.08)
+            << "mishap " << static_cast<int>(mishap) << " every " << n;
+      }
+    }
+  }
+}
+
+TEST(RelativeFilter, StopsWhenNothingIsKnownAnyMore) {
+  Bench b;
+  b.run(1, 10);
+  int k = 11;
+  while (b.predict(k)) ASSERT_LT(++k, 60 * 60);
+  EXPECT_GT(k, 2 * 60);  // not before blindness of seconds
+  EXPECT_FALSE(b.filter.initialized());
+  expect_sound(b.filter);
+  b.filter.reset(b.time(k), b.truth(k), start_covariance());
+  b.run(k + 1, k + 10);
+}
+
+// Garbage for ever, absurd inputs: still finite, whether stopped or not.
+TEST(RelativeFilter, NeverBecomesNaN) {
+  for (std::uint64_t seed = 0; seed < 10; ++seed) {
+    Rng rng(seed);
+    Bench b;
+    for (int k = 1; k <= 300; ++k) {
+      if (!b.filter.initialized()) {
+        b.filter.reset(b.filter.time(), b.truth(k), start_covariance());
+      }
+      PredictionInput u = b.flight.input(k / 60.0);
+      u.f_N = normal3(rng, 50);
+      u.w_NB_B = normal3(rng, 30);
+      u.platform.w_IN_N = normal3(rng, 5);
+      (void)b.filter.predict_to(b.time(k), u);
+      LedFrame frame;
+      frame.t = b.time(k);
+      const int count = static_cast<int>(rng.uniform(0, 8));
+      for (int i = 0; i < count; ++i) {
+        frame.seen.push_back({.leds = static_cast<std::uint16_t>(rng.uniform(0, 80)),
+                              .uv = {rng.uniform(-1e3, 2e3), rng.uniform(-1e3, 2e3)},
+                              .cov = Matrix2::Identity() * std::exp(rng.normal(0, 5)),
+                              .depth_m = rng.normal()});
+      }
+      (void)b.filter.update(frame);
+      ASSERT_NO_FATAL_FAILURE(expect_sound(b.filter));
+    }
+  }
+}
+
+TEST(RelativeFilter, SameInputSameBits) {
+  Bench a, b;
+  a.run(1, 50);
+  b.run(1, 50);
+  EXPECT_EQ(boxminus(a.filter.state(), b.filter.state()).norm(), 0);
+  EXPECT_EQ(a.filter.covariance(), b.filter.covariance());
+}
+
+TEST(RelativeFilterConfig, EveryProfileIsValid) {
+  EXPECT_TRUE(RelativeFilterConfig{}.validate().has_value());
+  EXPECT_TRUE(RelativeFilterConfig::paper().validate().has_value());
+  EXPECT_TRUE(RelativeFilterConfig::camera_only().validate().has_value());
+}
+
+TEST(RelativeFilterConfig, NamesFieldValueAndBounds) {
+  RelativeFilterConfig c;
+  c.velocity_alpha = 1.5;
+  auto valid = c.validate();
+  ASSERT_FALSE(valid.has_value());
+  EXPECT_EQ(valid.error().fault, Fault::invalid_config);
+  EXPECT_EQ(valid.error().detail, "estimation.velocity_alpha: 1.5 is outside [0, 1]");
+  c = {};
+  c.noise.rate = kNaN;
+  EXPECT_FALSE(c.validate().has_value());
+  c = {};
+  c.max_iterations = 0;
+  EXPECT_FALSE(c.validate().has_value());
+  const Rig rig = alan_rig();
+  EXPECT_FALSE(RelativeFilter::create(c, rig.camera, rig.leds).has_value());
+}
+
+}  // namespace
+}  // namespace alight::test
