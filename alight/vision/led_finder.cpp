@@ -58,6 +58,9 @@ Result<void> LedFinderConfig::validate() const {
   if (!(tilt_max_deg >= 1 && tilt_max_deg <= 180)) {
     return out("tilt_max_deg", tilt_max_deg, "[1, 180]");
   }
+  if (!(tilt_sd_deg > 0 && tilt_sd_deg <= 1e4)) {
+    return out("tilt_sd_deg", tilt_sd_deg, "(0, 1e4]");
+  }
   if (!(facing_max_deg >= 1 && facing_max_deg <= 180)) {
     return out("facing_max_deg", facing_max_deg, "[1, 180]");
   }
@@ -299,8 +302,9 @@ bool LedFinder::Search::settle(BlobSpan blobs, bool white_is_any, Candidate& can
     if (!refined || !plausible(refined->X_NB)) return false;
     fit = *refined;
     candidate.X_NB = fit.X_NB;
-    const double range_tilt = angle_of_cosine(fit.X_NB.linear()(2, 2)) / (20 * kDegree);
-    candidate.score = fit.chi2 + range_tilt * range_tilt +
+    const double tilt =
+        angle_of_cosine(fit.X_NB.linear()(2, 2)) / (config.tilt_sd_deg * kDegree);
+    candidate.score = fit.chi2 + tilt * tilt +
                       config.missing_cost * (leds.size() - candidate.assignment.leds) +
                       2.0 * (candidate.assignment.leds - candidate.assignment.blobs);
     images = led_images(camera, leds, fit.X_NB);

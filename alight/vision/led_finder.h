@@ -17,6 +17,7 @@ struct LedFinderConfig {
   double range_min_m = 0.2;  ///< From the lens.
   double range_max_m = 6;
   double tilt_max_deg = 60;    ///< Of B's z axis from N's.
+  double tilt_sd_deg = 15;     ///< What is usual; weighs between poses that fit alike.
   double facing_max_deg = 90;  ///< Between the LEDs' side of the drone and the lens,
                                ///< in the horizontal plane; 180 switches it off.
   // When an answer is taken.

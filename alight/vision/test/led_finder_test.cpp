@@ -1,0 +1,178 @@
+#include "alight/vision/led_finder.h"
+
+#include <gtest/gtest.h>
+
+#include "scene.h"
+
+namespace alight {
+namespace {
+
+using test::Picture;
+
+/// What a run of many poses came to.
+struct Tally {
+  int found = 0, wrong_pose = 0, wrong_leds = 0, total = 0;
+};
+
+void judge(const Rig& rig, const Pose& X_NB, const Result<FoundLeds>& found,
+           Tally& tally) {
+  ++tally.total;
+  if (!found) return;
+  ++tally.found;
+  const double far = (found->fit.X_NB.translation() - X_NB.translation()).norm();
+  const double range = (X_NB.translation() - rig.camera.X_NC.translation()).norm();
+  if (far > 0.05 + 0.08 * range ||
+      angle_between(found->fit.X_NB.linear(), X_NB.linear()) > 25 * kDegree) {
+    ++tally.wrong_pose;
+  }
+  if (test::wrong_observations(rig, X_NB, found->frame, 2.0) > 0) ++tally.wrong_leds;
+}
+
+TEST(LedFinder, FindsRenderedLeds) {
+  const Rig rig = alan_rig();
+  auto detector = BlobDetector::create({}, 848, 480);
+  auto finder = LedFinder::create({}, rig.camera, rig.leds);
+  ASSERT_TRUE(detector && finder);
+  Tally tally;
+  for (unsigned seed = 0; seed < 200; ++seed) {
+    Rng rng(seed);
+    const Pose X_NB = test::random_pose(rig, rng);
+    Picture picture;
+    for (const Led& led : rig.leds.leds) {
+      picture.add(*project_led(rig.camera, X_NB, led.p_BL), led.color,
+                  rng.uniform(400, 900), 1.0);
+    }
+    const auto blobs = detector->detect(picture.expose(rng));
+    ASSERT_TRUE(blobs);
+    judge(rig, X_NB, finder->find(*blobs), tally);
+  }
+  EXPECT_EQ(tally.wrong_pose, 0);
+  EXPECT_EQ(tally.wrong_leds, 0);
+  EXPECT_GE(tally.found, 180) << "of " << tally.total;
+}
+
+struct Case {
+  const char* name;
+  int strays;
+  int hidden;
+  bool color;
+  double range_max;
+  double found_share;
+};
+class LedFinderMany : public testing::TestWithParam<Case> {};
+
+TEST_P(LedFinderMany, IsRightWheneverItAnswers) {
+  const Case c = GetParam();
+  const Rig rig = alan_rig();
+  auto finder = LedFinder::create({}, rig.camera, rig.leds);
+  ASSERT_TRUE(finder);
+  Tally tally;
+  for (unsigned seed = 0; seed < 300; ++seed) {
+    Rng rng(seed);
+    const Pose X_NB = test::random_pose(rig, rng, 0.4, c.range_max);
+    std::vector<Blob> blobs;
+    for (int i = c.hidden; i < rig.leds.size(); ++i) {
+      const int led = (i + static_cast<int>(seed)) % rig.leds.size();
+      blobs.push_back(test::blob_at(*project_led(rig.camera, X_NB, rig.leds.p_BL(led)),
+                                    c.color ? rig.leds.color(led) : LedColor::none,
+                                    rng));
+    }
+    for (int i = 0; i < c.strays; ++i) {
+      const Vector2 uv(rng.uniform(0, 848), rng.uniform(0, 480));
+      const LedColor lamp = !c.color          ? LedColor::none
+                            : rng.chance(0.1) ? LedColor::red
+                            : rng.chance(0.1) ? LedColor::green
+                                              : LedColor::white;
+      blobs.push_back(test::blob_at(uv, lamp, rng));
+    }
+    judge(rig, X_NB, finder->find(blobs), tally);
+  }
+  RecordProperty("found", tally.found);
+  EXPECT_EQ(tally.wrong_pose, 0);
+  EXPECT_LE(tally.wrong_leds, 1);
+  EXPECT_GE(tally.found, c.found_share * tally.total);
+}
+INSTANTIATE_TEST_SUITE_P(Cases, LedFinderMany,
+                         testing::Values(Case{"AllColored", 0, 0, true, 3, 0.9},
+                                         Case{"OneHidden", 0, 1, true, 1.5, 0.7},
+                                         Case{"Lamps40", 40, 0, true, 2, 0.9},
+                                         Case{"Lamps100", 100, 0, true, 2, 0.85},
+                                         Case{"Infrared", 0, 0, false, 2, 0.8},
+                                         Case{"InfraredTwoStrays", 2, 0, false, 2, 0.8},
+                                         Case{"Infrared20", 20, 0, false, 1.5, 0.5}),
+                         [](const auto& case_of) { return case_of.param.name; });
+
+TEST(LedFinder, SeesNoDroneInLampsAlone) {
+  const Rig rig = alan_rig();
+  auto finder = LedFinder::create({}, rig.camera, rig.leds);
+  int alarms = 0;
+  for (unsigned seed = 0; seed < 200; ++seed) {
+    Rng rng(seed);
+    std::vector<Blob> blobs;
+    for (unsigned i = 0; i < 4 + seed % 30; ++i) {
+      blobs.push_back(test::blob_at({rng.uniform(0, 848), rng.uniform(0, 480)},
+                                    LedColor::none, rng));
+    }
+    if (finder->find(blobs)) ++alarms;
+  }
+  EXPECT_LE(alarms, 2);
+}
+
+TEST(LedFinder, PaperFindsSixOfSix) {
+  const Rig rig = alan_rig();
+  LedFinderConfig config;
+  config.profile = LedFinderConfig::Profile::paper;
+  auto finder = LedFinder::create(config, rig.camera, rig.leds);
+  ASSERT_TRUE(finder);
+  Tally tally;
+  for (unsigned seed = 0; seed < 100; ++seed) {
+    Rng rng(seed);
+    const Pose X_NB = test::random_pose(rig, rng, 0.4, 2);
+    std::vector<Blob> blobs;
+    for (const Led& led : rig.leds.leds) {
+      blobs.push_back(
+          test::blob_at(*project_led(rig.camera, X_NB, led.p_BL), led.color, rng));
+      blobs.back().depth_m = (rig.camera.X_NC.inverse() * (X_NB * led.p_BL)).z();
+    }
+    std::reverse(blobs.begin(), blobs.end());
+    judge(rig, X_NB, finder->find(blobs), tally);
+  }
+  EXPECT_EQ(tally.found, tally.total);
+  EXPECT_LE(tally.wrong_leds, 1);
+  std::vector<Blob> five(5);
+  EXPECT_EQ(finder->find(five).error().fault, Fault::too_few_points);
+}
+
+TEST(LedFinder, PaperRefusesACloudOfAnotherSize) {
+  const Rig rig = alan_rig();
+  LedFinderConfig config;
+  config.profile = LedFinderConfig::Profile::paper;
+  auto finder = LedFinder::create(config, rig.camera, rig.leds);
+  Rng rng(1);
+  std::vector<Blob> blobs;
+  for (int i = 0; i < 6; ++i) {
+    blobs.push_back(
+        test::blob_at({100.0 + 120 * i, 200.0 + 20 * (i % 2)}, rig.leds.color(i), rng));
+    blobs.back().depth_m = 2;
+  }
+  EXPECT_EQ(finder->find(blobs).error().fault, Fault::degenerate);
+}
+
+TEST(LedFinder, FewOrNoBlobsAreNoDrone) {
+  const Rig rig = alan_rig();
+  auto finder = LedFinder::create({}, rig.camera, rig.leds);
+  EXPECT_EQ(finder->find({}).error().fault, Fault::too_few_points);
+  const std::vector<Blob> same(20);
+  EXPECT_FALSE(finder->find(same));
+}
+
+TEST(LedFinderConfig, NamesTheFieldAndItsBounds) {
+  LedFinderConfig config;
+  config.range_max_m = 0.1;
+  const auto bad = config.validate();
+  ASSERT_FALSE(bad);
+  EXPECT_NE(bad.error().detail.find("range_max_m is 0.1"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace alight
