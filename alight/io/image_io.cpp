@@ -1,5 +1,6 @@
 #include "alight/io/image_io.h"
 
+#include <algorithm>
 #include <cassert>
 #include <cstring>
 #include <opencv2/imgcodecs.hpp>
@@ -14,7 +15,12 @@ Result<cv::Mat> decode(const std::string& path) {
   const auto bytes = read_file(path);
   if (!bytes) return fail(bytes.error());
   cv::Mat picture;
-  if (!bytes->empty()) {
+  // libpng would complain of a cut file on standard error.
+  const bool cut =
+      bytes->compare(0, 4, "\x89PNG") == 0 &&
+      bytes->find("IEND", bytes->size() - std::min<std::size_t>(bytes->size(), 64)) ==
+          std::string::npos;
+  if (!bytes->empty() && !cut) {
     const cv::Mat raw(1, static_cast<int>(bytes->size()), CV_8U,
                       const_cast<char*>(bytes->data()));
     // OpenCV throws on some damaged headers and returns nothing on others.

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cctype>
 #include <filesystem>
+#include <opencv2/core/utils/logger.hpp>
 #include <opencv2/videoio.hpp>
 #include <optional>
 
@@ -210,8 +211,10 @@ Result<ImageSource> ImageSource::open(const std::string& path, const Rig& rig) {
     return fail(Fault::io, path + ": is one picture; give the folder that holds it");
   }
   state->video.emplace();
+  // A file that is none is told by us, in one line.
+  cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
   try {
-    state->video->open(path);
+    state->video->open(path, cv::CAP_FFMPEG);
   } catch (const cv::Exception&) {
     state->video->release();
   }

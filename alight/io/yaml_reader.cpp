@@ -58,6 +58,17 @@ struct YamlMap::Node {
     }
     return {};
   }
+  /// Where the key stands; of an empty value the parser only knows where it looked.
+  int line_of_key(const std::string& key) const {
+    if (yaml && !key.empty()) {
+      for (const auto& entry : *yaml) {
+        if (entry.first.IsScalar() && entry.first.Scalar() == key) {
+          return line_of(entry.first);
+        }
+      }
+    }
+    return line;
+  }
   std::optional<YAML::Node> take(const std::string& key) {
     if (std::find(known.begin(), known.end(), key) == known.end()) known.push_back(key);
     return at(key);
@@ -93,8 +104,7 @@ Result<YamlMap> YamlMap::parse(const std::string& text, const std::string& name)
 bool YamlMap::has(const std::string& key) const { return node_->at(key).has_value(); }
 
 void YamlMap::complain(const std::string& key, const std::string& what) {
-  const auto value = key.empty() ? std::nullopt : node_->at(key);
-  const int line = value && line_of(*value) > 0 ? line_of(*value) : node_->line;
+  const int line = node_->line_of_key(key);
   const std::string full = node_->full(key);
   document_->complaints.push_back({line, (full.empty() ? "" : full + ": ") + what});
 }
@@ -265,8 +275,7 @@ Result<void> YamlMap::finish() const {
 }
 
 std::string YamlMap::place(const std::string& key) const {
-  const auto value = key.empty() ? std::nullopt : node_->at(key);
-  return document_->name + ":" + std::to_string(value ? line_of(*value) : node_->line);
+  return document_->name + ":" + std::to_string(node_->line_of_key(key));
 }
 
 }  // namespace alight

@@ -1,0 +1,169 @@
+#include <cmath>
+
+#include "alight/base/rng.h"
+#include "alight/io/files.h"
+#include "alight/io/rig_yaml.h"
+#include "alight/io/yaml_reader.h"
+#include "scratch.h"
+
+namespace alight {
+namespace {
+
+/// The complaint about `text` read as a small file of settings; "" when there is none.
+std::string complaint(const std::string& text) {
+  auto file = YamlMap::parse(text, "f.yaml");
+  if (!file) return file.error().detail;
+  double number = 1;
+  int whole = 1;
+  bool flag = false;
+  Vector3 vector = Vector3::Zero();
+  enum class Kind { still, circle } kind = Kind::still;
+  file->read("number", number);
+  file->read("whole", whole);
+  file->read("flag", flag);
+  file->read("vector", vector);
+  file->read_choice("kind", kind, {{"still", Kind::still}, {"circle", Kind::circle}});
+  YamlMap inner = file->map("inner");
+  inner.read("speed_m_s", number);
+  for (YamlMap& item : file->list("items")) {
+    item.require("at_s");
+    item.read("at_s", number);
+  }
+  const auto good = file->finish();
+  return good ? "" : good.error().detail;
+}
+
+TEST(YamlMap, NamesFileLineKeyAndRemedy) {
+  const std::pair<const char*, const char*> cases[] = {
+      {"number: 1\nnumbr: 2\n", "f.yaml:2: numbr: unknown key, did you mean number?"},
+      {"inner:\n  speed: 2\n",
+       "f.yaml:2: inner.speed: unknown key, did you mean speed_m_s?"},
+      {"wallpaper: 2\n", "f.yaml:1: wallpaper: unknown key"},
+      {"number: .nan\n", "f.yaml:1: number: must be a finite number, found '.nan'"},
+      {"number: [1]\n", "f.yaml:1: number: must be a finite number, found a list"},
+      {"number:\n", "f.yaml:1: number: must be a finite number, found nothing"},
+      {"whole: 1.5\n", "f.yaml:1: whole: must be a whole number, found '1.5'"},
+      {"flag: yes\n", "f.yaml:1: flag: must be true or false, found 'yes'"},
+      {"\n\nvector: [1, 2]\n",
+       "f.yaml:3: vector: must be a list of 3 numbers, found 2"},
+      {"vector: [1, 2, x]\n", "f.yaml:1: vector: must hold finite numbers, found 'x'"},
+      {"kind: circel\n",
+       "f.yaml:1: kind: must be one of still, circle; found 'circel', did you mean "
+       "circle?"},
+      {"inner: 3\n", "f.yaml:1: inner: must be a map of keys and values, found '3'"},
+      {"items:\n  - {at_s: 1}\n  - {}\n",
+       "f.yaml:3: items[1]: items[1].at_s is missing"},
+      {"items: 3\n", "f.yaml:1: items: must be a list, found '3'"},
+      {"number: 1\nnumber: 2\n", "f.yaml:2: number: is there twice"},
+      {"number: x\nwhole: x\n",
+       "f.yaml:1: number: must be a finite number, found 'x' (and 1 more)"},
+      {"- 1\n", "f.yaml:1: is not a map of keys and values"},
+  };
+  for (const auto& [text, expected] : cases) {
+    if (std::string(expected).find("is missing") != std::string::npos) {
+      EXPECT_NE(complaint(text).find("is missing"), std::string::npos)
+          << complaint(text);
+      EXPECT_EQ(complaint(text).substr(0, 9), "f.yaml:3:");
+      continue;
+    }
+    EXPECT_EQ(complaint(text), expected);
+  }
+  EXPECT_EQ(complaint("a: [1\nb: }").substr(0, 7), "f.yaml:");
+}
+
+TEST(YamlMap, TakesWhatIsRight) {
+  EXPECT_EQ(complaint(""), "");
+  EXPECT_EQ(complaint("number: 1e-3\nwhole: -4\nflag: true\nvector: [1, 2, 3]\n"
+                      "kind: circle\ninner: {speed_m_s: 2}\nitems: [{at_s: 3}]\n"),
+            "");
+}
+
+bool same(const Rig& a, const Rig& b) {
+  const std::string text = rig_text(a);
+  return text == rig_text(b);
+}
+
+TEST(RigYaml, TheAuthorsRigIsTheFile) {
+  const auto rig = load_rig(ALIGHT_SOURCE_DIR "/config/rigs/alan.yaml");
+  ASSERT_TRUE(rig) << rig.error().detail;
+  EXPECT_TRUE(rig->camera.X_NC.isApprox(alan_rig().camera.X_NC, 1e-15));
+  EXPECT_TRUE(same(*rig, alan_rig())) << rig_text(*rig) << rig_text(alan_rig());
+}
+
+class RigYamlFiles : public Scratch {
+ protected:
+  std::string why(const std::string& text) {
+    const auto rig = load_rig(file("rig.yaml", text));
+    return rig ? "" : rig.error().detail.substr(path("").size());
+  }
+};
+
+TEST_F(RigYamlFiles, AnyRigReadsBack) {
+  Rng rng(1);
+  for (int i = 0; i < 50; ++i) {
+    Rig rig = alan_rig();
+    const Vector3 turn(rng.normal(), rng.normal(), rng.normal());
+    rig.camera.X_NC = make_pose(so3_exp(turn), {rng.normal(), rng.normal(), 0.1});
+    for (Led& led : rig.leds.leds) led.p_BL *= rng.uniform(0.5, 2);
+    rig.leds.leds[2].color = i % 2 ? LedColor::blue : LedColor::none;
+    rig.camera.intrinsics.distortion = {rng.normal(), 0.1, 1e-7, -0.3, 0};
+    rig.drone.mass_kg = rng.uniform(0.1, 3);
+    rig.drone.inertia_kg_m2 = Vector3(1, 2, 3) * rng.uniform(0.001, 0.1);
+    rig.pad.size_m = rng.uniform(0.2, 3);
+    if (i % 3 == 0) rig.pad.obstacles = {{{-1, 0, 0}, {-0.5, rng.uniform(0.1, 1), 1}}};
+    rig.limits.speed_m_s = rng.uniform(1, 9);
+    ASSERT_TRUE(save_rig(path("r.yaml"), rig));
+    const auto read = load_rig(path("r.yaml"));
+    ASSERT_TRUE(read) << read.error().detail;
+    EXPECT_TRUE(read->camera.X_NC.isApprox(rig.camera.X_NC, 1e-12));
+    read->camera.X_NC.isApprox(rig.camera.X_NC);
+    Rig other = *read;
+    other.camera.X_NC = rig.camera.X_NC;
+    EXPECT_TRUE(same(other, rig));
+  }
+}
+
+TEST_F(RigYamlFiles, BadOnesAreNamed) {
+  EXPECT_EQ(load_rig(path("none.yaml")).error().detail,
+            path("none.yaml") + ": no such file");
+  std::string text = *read_file(ALIGHT_SOURCE_DIR "/config/rigs/alan.yaml");
+  const auto with = [&](const std::string& from, const std::string& to) {
+    std::string changed = text;
+    const std::size_t at = changed.find(from);
+    EXPECT_NE(at, std::string::npos) << from;
+    return why(changed.replace(at, from.size(), to));
+  };
+  EXPECT_EQ(with("mass_kg: 0.55", "mass_kg: 0.55"), "");
+  EXPECT_NE(with("mass_kg", "mas_kg").find("did you mean mass_kg?"), std::string::npos);
+  EXPECT_NE(with("fx: 415.872", "fx: .nan").find("camera.fx"), std::string::npos);
+  EXPECT_NE(with("fx: 415.872, ", "").find("camera.fx"), std::string::npos);
+  EXPECT_NE(with("mass_kg: 0.55", "mass_kg: -1").find("drone.mass_kg is -1"),
+            std::string::npos);
+  EXPECT_NE(with("color: green", "color: gren").find("did you mean green?"),
+            std::string::npos);
+  EXPECT_NE(with("[0, 0, 0, 0, 0]", "[0, 0, 0, 0]").find("5 numbers"),
+            std::string::npos);
+  EXPECT_NE(with("leds:", "lamps:").find("leds"), std::string::npos);
+  EXPECT_NE(with("mount:", "mounts:").find("mount"), std::string::npos);
+}
+
+TEST_F(RigYamlFiles, LayoutFilesAreRead) {
+  const std::string layout =
+      "marker_positions:\n  - {x: 0.1, y: 0, z: 0}\n  - {x: 0, y: 0.1, z: 0}\n"
+      "  - {x: 0, y: 0, z: 0.1}\n  - {x: 0.1, y: 0.1, z: 0}\n";
+  const auto rig = load_rig(file("layout.yaml", layout));
+  ASSERT_TRUE(rig) << rig.error().detail;
+  EXPECT_EQ(rig->leds.size(), 4);
+  EXPECT_EQ(rig->leds.p_BL(1), Vector3(0, 0.1, 0));
+  EXPECT_EQ(rig->leds.color(1), LedColor::none);
+  EXPECT_NE(why(layout + "leds: []\n").find("keep one"), std::string::npos);
+  EXPECT_NE(why("marker_positions:\n  - {x: 1, y: 2}\n").find("z"), std::string::npos);
+  std::string many = "marker_positions:\n";
+  for (int i = 0; i <= kMaxLeds; ++i) {
+    many += "  - {x: 0." + std::to_string(i + 10) + ", y: 0, z: 0}\n";
+  }
+  EXPECT_NE(why(many).find("more than 16"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace alight
