@@ -20,6 +20,10 @@ struct RelativeFilterConfig {
 
   // Measurement of one observation: its own covariance (if used), plus
   //   pixel_sd_px^2 / n + (led_position_sd_m f / z)^2 / n   for n LEDs in one blob.
+  // LED errors are constant. In R they keep the gate from refusing LEDs that are off
+  // and soften the jump when the set in view changes; what does not average out is
+  // carried apart and added by covariance(). Process noise, not R, keeps the filter
+  // responsive.
   bool use_observation_cov = true;
   double pixel_sd_px = 0.1;          ///< Floor: lens, blob model.
   double led_position_sd_m = 0.002;  ///< Of each coordinate of each LED, constant.
