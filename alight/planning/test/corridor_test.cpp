@@ -130,8 +130,10 @@ TEST(Corridor, KeepsTheDroneOutOfTheDeckAndOfObstacles) {
         ++tested;
         const double half = rig.pad.size_m / 2;
         const bool over = std::abs(p.x()) < half && std::abs(p.y()) < half;
-        if (over) EXPECT_GE(p.z(), rig.drone.gear_height_m - 1e-12);
-        if (segment == 0 && over) EXPECT_GE(p.z(), radius - 1e-12);
+        if (over) {
+          const double least = segment == 0 ? radius : rig.drone.gear_height_m;
+          EXPECT_GE(p.z(), least - 1e-12);
+        }
         const Obstacle& box = rig.pad.obstacles.front();
         const Vector3 nearest = p.cwiseMax(box.min_m).cwiseMin(box.max_m);
         EXPECT_GE((p - nearest).norm(), radius - 1e-9) << p.transpose();

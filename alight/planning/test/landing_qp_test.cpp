@@ -155,7 +155,9 @@ TEST_P(LandingQpProperty, ASolveLeavesNothingBehind) {
     const QpOutcome a = reused.solve(reduction, corridor, limits);
     const QpOutcome b = fresh.solve(reduction, corridor, limits);
     ASSERT_EQ(a.kind, b.kind);
-    if (a.solved()) EXPECT_EQ(a.u, b.u);
+    if (a.solved()) {
+      EXPECT_EQ(a.u, b.u);
+    }
   }
 }
 
