@@ -24,12 +24,12 @@ Background::Background(const CameraSimConfig& config, int width, int height, Rng
     color_[i] = static_cast<std::uint8_t>(std::clamp(std::round(level), 0.0, 255.0));
   }
 
-  // Walls and furniture at 2.5 to 6 m, seen in patches, a third of them without
+  // Walls and furniture at 2.5 to 6 m, seen in patches, a quarter of them without
   // texture. The rows close to a ring.
   Rng room = rng.fork("room");
   std::vector<double> z(static_cast<std::size_t>(depth_width_) * kDepthRows, 6.0);
   for (int patch = 0; patch < kPatches; ++patch) {
-    const double depth = room.chance(0.35) ? 0 : room.uniform(2.5, 6.0);
+    const double depth = room.chance(0.25) ? 0 : room.uniform(2.5, 6.0);
     const int u0 = static_cast<int>(room.uniform(-100, depth_width_));
     const int u1 = std::min(u0 + static_cast<int>(room.uniform(20, 200)), depth_width_);
     const int v0 = static_cast<int>(room.uniform(0, kDepthRows));

@@ -6,7 +6,6 @@
 namespace alight {
 namespace {
 
-constexpr int kPiecesPerTube = 10;
 constexpr double kPitch = 0.12;  // m, from piece to piece
 constexpr double kPiece = 0.085;
 constexpr double kTubesApart = 0.25;
@@ -50,10 +49,11 @@ std::vector<RoomLight> make_room_lights(const CameraSimConfig& config, Rng rng) 
       lights.push_back(light);
       continue;
     }
+    const int pieces = static_cast<int>(rng.uniform(3, 9));  // along a tube
     for (const double side : {-0.5, 0.5}) {
-      for (int k = 0; k < kPiecesPerTube && lights.size() < wanted; ++k) {
-        const Vector3 start = centre + side * kTubesApart * across +
-                              (k - 0.5 * kPiecesPerTube) * kPitch * along;
+      for (int k = 0; k < pieces && lights.size() < wanted; ++k) {
+        const Vector3 start =
+            centre + side * kTubesApart * across + (k - 0.5 * pieces) * kPitch * along;
         light.p_IA = start;
         light.p_IB = start + kPiece * along;
         light.brightness = fixture * rng.uniform(0.7, 1.2);

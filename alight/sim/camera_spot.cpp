@@ -125,7 +125,7 @@ void SpotPainter::paint(const Spot& spot, Rng& rng, ColorBuffer& out) {
 }
 
 void SpotPainter::accumulate(const Spot& spot, double sd, double flux, const Box& box) {
-  // Half a standard deviation apart, samples of the path look like the path.
+  // Less than a standard deviation apart, samples of the path look like the path.
   const int samples =
       std::clamp(static_cast<int>(std::ceil(length(spot.path) / (0.7 * sd))), 1, 128);
   for (int k = 0; k < samples; ++k) {
@@ -153,6 +153,8 @@ void SpotPainter::accumulate(const Spot& spot, double sd, double flux, const Box
 void SpotPainter::expose(const std::array<float, 3>& bgr, const Box& box, Rng& rng,
                          ColorBuffer& out) const {
   std::size_t draw = rng.bits() % kNormals;
+  // So bright that no noise brings it back below 255.
+  const float far_beyond = 2 * (255 + 40 * shot_ * shot_);
   const float* light = light_.data();
   for (int v = box.v0; v < box.v1; ++v) {
     std::uint8_t* pixel =
@@ -161,6 +163,10 @@ void SpotPainter::expose(const std::array<float, 3>& bgr, const Box& box, Rng& r
       if (*light < kFaintest) continue;
       for (std::size_t c = 0; c < 3; ++c) {
         const float signal = *light * bgr[c];
+        if (signal > far_beyond) {
+          pixel[c] = 255;
+          continue;
+        }
         const float noise = shot_ * std::sqrt(signal) * normal_[draw];
         draw = (draw + 1) % kNormals;
         const float level = static_cast<float>(pixel[c]) + signal + noise + 0.5f;
