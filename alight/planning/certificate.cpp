@@ -134,10 +134,10 @@ class Checker {
         for (int axis = 0; axis < 3; ++axis) {
           for (const double sign : {1.0, -1.0}) {
             const Vector3 n = sign * Vector3::Unit(axis);
-            note(Constraint::speed, limits.speed_m_s - n.dot(platform.v_IN_N) -
-                                        maximum(v, n));
-            note(Constraint::acceleration, limits.acceleration_m_s2 -
-                                               n.dot(platform.a_IN_N) - maximum(a, n));
+            note(Constraint::speed,
+                 limits.speed_m_s - n.dot(platform.v_IN_N) - maximum(v, n));
+            note(Constraint::acceleration,
+                 limits.acceleration_m_s2 - n.dot(platform.a_IN_N) - maximum(a, n));
           }
         }
         continue;
@@ -195,8 +195,8 @@ class Checker {
           picture = std::min(picture, -1e3);
           continue;
         }
-        picture = std::min({picture, uv->x(), uv->y(), k.width - 1 - uv->x(),
-                            k.height - 1 - uv->y()});
+        picture = std::min(
+            {picture, uv->x(), uv->y(), k.width - 1 - uv->x(), k.height - 1 - uv->y()});
         const Vector3 p_NL = X_NB * led.p_BL;
         if (p_NL.head<2>().cwiseAbs().maxCoeff() > task_.rig.pad.size_m / 2) {
           over = std::min(over, -shadow.dot(p_NL - p_NC));
@@ -228,9 +228,9 @@ double bernstein_maximum(const double* coefficients, int count, double gap) {
 }
 
 Matrix3 flat_attitude(const PlatformState& platform, const FlatState& state) {
-  const Vector3 f = inertial_acceleration_N(platform, state.p_NB, state.v_NB,
-                                            state.a_NB) -
-                    gravity_N(platform);
+  const Vector3 f =
+      inertial_acceleration_N(platform, state.p_NB, state.v_NB, state.a_NB) -
+      gravity_N(platform);
   const Vector3 z = f.norm() > 1e-9 ? f.normalized() : Vector3::UnitZ().eval();
   const Vector3 heading(std::cos(state.yaw), std::sin(state.yaw), 0);
   Vector3 x = z.z() * heading;

@@ -13,15 +13,28 @@ struct Text {
   const char* met;
 };
 
-#define ALIGHT_TEXT(name) \
-  {#name, "the start violates " #name, "the end violates " #name, "cannot meet " #name}
+#define ALIGHT_TEXT(name)                                          \
+  {                                                                \
+#name, "the start violates " #name, "the end violates " #name, \
+        "cannot meet " #name                                       \
+  }
 
 constexpr std::array<Text, kConstraints> kText{{
-    ALIGHT_TEXT(free_space), ALIGHT_TEXT(floor), ALIGHT_TEXT(touch_down_height),
-    ALIGHT_TEXT(pad), ALIGHT_TEXT(funnel), ALIGHT_TEXT(obstacle),
-    ALIGHT_TEXT(view_left), ALIGHT_TEXT(view_right), ALIGHT_TEXT(view_upper),
-    ALIGHT_TEXT(view_lower), ALIGHT_TEXT(view_depth), ALIGHT_TEXT(pad_shadow),
-    ALIGHT_TEXT(speed), ALIGHT_TEXT(acceleration), ALIGHT_TEXT(tilt),
+    ALIGHT_TEXT(free_space),
+    ALIGHT_TEXT(floor),
+    ALIGHT_TEXT(touch_down_height),
+    ALIGHT_TEXT(pad),
+    ALIGHT_TEXT(funnel),
+    ALIGHT_TEXT(obstacle),
+    ALIGHT_TEXT(view_left),
+    ALIGHT_TEXT(view_right),
+    ALIGHT_TEXT(view_upper),
+    ALIGHT_TEXT(view_lower),
+    ALIGHT_TEXT(view_depth),
+    ALIGHT_TEXT(pad_shadow),
+    ALIGHT_TEXT(speed),
+    ALIGHT_TEXT(acceleration),
+    ALIGHT_TEXT(tilt),
 }};
 
 #undef ALIGHT_TEXT

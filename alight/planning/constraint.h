@@ -5,21 +5,21 @@ namespace alight {
 
 /// Everything that bounds a landing trajectory, by what it means.
 enum class Constraint : std::uint8_t {
-  free_space,        ///< The cubic free space S.
-  floor,             ///< Above the floor the platform stands on.
-  touch_down_height, ///< Split of S at h_T.
-  pad,               ///< Above the pad's surface.
-  funnel,            ///< The last decimetres come from above the pad.
-  obstacle,          ///< A plane between the drone and a box on the platform.
+  free_space,         ///< The cubic free space S.
+  floor,              ///< Above the floor the platform stands on.
+  touch_down_height,  ///< Split of S at h_T.
+  pad,                ///< Above the pad's surface.
+  funnel,             ///< The last decimetres come from above the pad.
+  obstacle,           ///< A plane between the drone and a box on the platform.
   view_left,
   view_right,
   view_upper,
   view_lower,
-  view_depth,        ///< In front of the lens.
-  pad_shadow,        ///< Above the ray from the lens over the pad's far edge.
-  speed,             ///< Of v_IB.
-  acceleration,      ///< Of a_IB.
-  tilt,              ///< Of the thrust against z of N.
+  view_depth,    ///< In front of the lens.
+  pad_shadow,    ///< Above the ray from the lens over the pad's far edge.
+  speed,         ///< Of v_IB.
+  acceleration,  ///< Of a_IB.
+  tilt,          ///< Of the thrust against z of N.
 };
 inline constexpr int kConstraints = 15;
 

@@ -30,8 +30,8 @@ HalfSpace separating(const Obstacle& box, double radius, const Vector3& must,
   const auto faces = faces_outside(box, radius);
   const auto room = [&](const HalfSpace& face) {
     const double a = inside(face, must);
-    return a < 0 ? a - 1e3 : std::min(a, 0.05) + std::min(inside(face, wish), 0.05) +
-                                 1e-3 * a;
+    return a < 0 ? a - 1e3
+                 : std::min(a, 0.05) + std::min(inside(face, wish), 0.05) + 1e-3 * a;
   };
   return *std::max_element(
       faces.begin(), faces.end(),
@@ -65,7 +65,8 @@ class Builder {
   /// start in the touch-down space, as when planning anew, keeps to that.
   void add_rear() {
     const Vector3& p = start_.p_NB;
-    const double low = std::max(config_.touch_down_height_m - config_.dilation_m, radius_);
+    const double low =
+        std::max(config_.touch_down_height_m - config_.dilation_m, radius_);
     const double top = config_.touch_down_height_m + config_.dilation_m;
     if (p.z() >= low) {
       corridor_.add(0, -Vector3::UnitZ(), -low, Constraint::touch_down_height);
@@ -182,7 +183,8 @@ double drone_radius(const Rig& rig) { return rig.drone.size_m / 2 * std::sqrt(2.
 
 FlatState landing_end(const PlannerConfig& config, const Rig& rig) {
   FlatState end;
-  end.p_NB.z() = config.end_height_m > 0 ? config.end_height_m : rig.drone.gear_height_m;
+  end.p_NB.z() =
+      config.end_height_m > 0 ? config.end_height_m : rig.drone.gear_height_m;
   end.v_NB.z() = -config.touch_down_speed_m_s;
   end.yaw = config.end_yaw;
   return end;

@@ -39,8 +39,8 @@ struct ViewPlane {
 };
 std::array<ViewPlane, 4> view_planes(const Camera& camera, double border_px);
 
-/// The plane through the lens and the pad's far edge: what lies above (n'(p - p_NC) <= 0)
-/// is not hidden by the pad. Seen from below the pad's surface it is the near edge.
+/// The plane through the lens and the pad's far edge: what lies above (n'(p - p_NC) <=
+/// 0) is not hidden by the pad. Seen from below the pad's surface it is the near edge.
 Vector3 pad_shadow_normal(const Camera& camera, const PadSpec& pad);
 
 /// Largest n'R p_BL over the LEDs, headings in `yaw` and further rotations by at most

@@ -10,7 +10,7 @@ extern "C" {
 namespace alight {
 namespace {
 
-constexpr int kMaxRows = 320;      ///< Handed over in one solve.
+constexpr int kMaxRows = 320;  ///< Handed over in one solve.
 constexpr int kMaxRounds = 64;
 constexpr int kMaxIterations = 400;  ///< Of the active set, in one round.
 constexpr double kTolerance = 1e-9;  ///< m, m/s, m/s^2; a row is violated beyond it.
@@ -197,7 +197,8 @@ bool LandingQp::Work::optimize() {
                                                : QpOutcome::Kind::no_convergence;
   // The row added last is the one that the others leave no room for.
   const int last = std::max(daqp.n_active - 1, 0);
-  outcome->blame = rows[static_cast<std::size_t>(daqp.n_active > 0 ? daqp.WS[last] : 0)];
+  outcome->blame =
+      rows[static_cast<std::size_t>(daqp.n_active > 0 ? daqp.WS[last] : 0)];
   return false;
 }
 

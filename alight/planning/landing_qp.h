@@ -39,12 +39,12 @@ Constraint row_meaning(const RowId& row, const Corridor& corridor,
 struct QpOutcome {
   enum class Kind : std::uint8_t { solved, fixed_row, infeasible, no_convergence };
   Kind kind = Kind::infeasible;
-  RowId blame;         ///< The row that cannot be met, unless solved.
-  Matrix73 u;          ///< Whitened solution.
+  RowId blame;  ///< The row that cannot be met, unless solved.
+  Matrix73 u;   ///< Whitened solution.
   std::array<ControlPoints, kSegments> c;  ///< Its control points.
   double jerk_cost = 0;                    ///< m^2/s^5
-  int rounds = 0;      ///< Times that violated rows were added.
-  int iterations = 0;  ///< Of the active-set method.
+  int rounds = 0;                          ///< Times that violated rows were added.
+  int iterations = 0;                      ///< Of the active-set method.
 
   bool solved() const { return kind == Kind::solved; }
 };
@@ -56,9 +56,10 @@ struct ActiveRow {
 };
 
 /// Solves eqn:MP_OPT for one pair of durations: least distance in whitened coordinates
-/// by a dual active-set method (DAQP). Rows are priced by structure and handed over only
-/// once violated; an optimum of the rows handed over that violates none of the others
-/// is the optimum. Reuses its memory; no state passes from one solve to the next.
+/// by a dual active-set method (DAQP). Rows are priced by structure and handed over
+/// only once violated; an optimum of the rows handed over that violates none of the
+/// others is the optimum. Reuses its memory; no state passes from one solve to the
+/// next.
 class LandingQp {
  public:
   LandingQp();

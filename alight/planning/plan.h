@@ -25,8 +25,8 @@ struct PlanRequest {
 
 enum class PlanStatus : std::uint8_t { solved, infeasible, invalid_request };
 
-/// One constraint of a trajectory and how far inside it the trajectory stays, checked by
-/// code that is not the solver. Negative: violated.
+/// One constraint of a trajectory and how far inside it the trajectory stays, checked
+/// by code that is not the solver. Negative: violated.
 struct CertificateEntry {
   const char* constraint = "";  ///< Static text, e.g. "view_upper", "speed".
   double margin = 0;            ///< m, m/s or m/s^2, as the constraint has it.
@@ -39,10 +39,10 @@ struct PlanResult {
   const char* reason = "";  ///< Static text: which bound failed, for people.
   Time start = 0;
   Trajectory trajectory;
-  double cost = 0;  ///< Of the QP as solved, without its constant.
+  double cost = 0;       ///< Of the QP as solved, without its constant.
   double jerk_cost = 0;  ///< m^2/s^5, eqn:MP_COST
-  int tried = 0;     ///< Time samples tried,
-  int feasible = 0;  ///< of which feasible.
+  int tried = 0;         ///< Time samples tried,
+  int feasible = 0;      ///< of which feasible.
   FixedVector<CertificateEntry, 24> certificate;
 
   bool ok() const { return status == PlanStatus::solved; }

@@ -10,7 +10,7 @@ namespace alight {
 namespace {
 
 constexpr double kViolated = -1e-6;  ///< Margins below this refuse a trajectory.
-constexpr double kLargest = 1e4;     ///< m, m/s, m/s^2, s: beyond it a request is noise.
+constexpr double kLargest = 1e4;  ///< m, m/s, m/s^2, s: beyond it a request is noise.
 
 bool sensible(const Vector3& v) {
   return v.allFinite() && v.cwiseAbs().maxCoeff() < kLargest;
@@ -95,14 +95,13 @@ PlanResult Planner::Setting::run(const PlannerConfig& config,
   if (T[0] == 0) {
     const DynamicLimitRows tightened =
         make_limits(config, rig, polyhedron, request.platform, config.tightening);
-    const Allocation allocation = allocate_time(
-        config, time_range(config, rig, request, end), from, end, corridor, tightened,
-        qp);
+    const Allocation allocation =
+        allocate_time(config, time_range(config, rig, request, end), from, end,
+                      corridor, tightened, qp);
     result.tried = allocation.tried;
     result.feasible = allocation.feasible;
     if (allocation.feasible == 0) {
-      result.reason =
-          reason(allocation.failure, allocation.blame, corridor, tightened);
+      result.reason = reason(allocation.failure, allocation.blame, corridor, tightened);
       return result;
     }
     T = allocation.best;

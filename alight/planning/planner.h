@@ -22,11 +22,11 @@ struct PlannerConfig {
   double touch_down_speed_m_s = 0.25;  ///< Downwards, relative, at the end.
   double end_yaw = 0;                  ///< Heading in N at the end, rad.
 
-  double view_border_px = 12;   ///< Kept free along the picture's edges.
+  double view_border_px = 12;     ///< Kept free along the picture's edges.
   double attitude_spare_deg = 2;  ///< Tracking error of the attitude, for visibility.
-  double tilt_max_deg = 15;     ///< Planned tilt, at most the drone's own bound.
-  double funnel_radius_m = 0.1; ///< Half width of the funnel at the end height.
-  double funnel_slope_deg = 20; ///< Of its walls against the horizontal.
+  double tilt_max_deg = 15;       ///< Planned tilt, at most the drone's own bound.
+  double funnel_radius_m = 0.1;   ///< Half width of the funnel at the end height.
+  double funnel_slope_deg = 20;   ///< Of its walls against the horizontal.
 
   int time_samples = 31;      ///< Per segment.
   double slowest_m_s = 0.25;  ///< Worst case of the mean speed: the longest times.
@@ -80,8 +80,8 @@ struct PlanDetails {
   std::array<Seconds, kSegments> best{0, 0};  ///< Durations chosen.
 };
 
-/// Landing Motion Planning of the paper: corridor (eqn:MP_KINE), Bezier QP (eqn:MP_OPT),
-/// time allocation. README.md here holds the derivations.
+/// Landing Motion Planning of the paper: corridor (eqn:MP_KINE), Bezier QP
+/// (eqn:MP_OPT), time allocation. README.md here holds the derivations.
 ///
 /// Pure: no clock, chance or thread, and bounded by the number of QPs and their
 /// iterations. The same request gives the same bits.

@@ -37,8 +37,7 @@ Reduction::Reduction(const FlatState& start, const FlatState& end,
   M[1].col(2).segment<3>(2) << 1, 2 * kV * r2, kA * r2 * r2;
   M[1](5, 3) = 1;
   M[1](6, 4) = 1;
-  m0[1].row(5) =
-      row(end.p_NB - 2 * kV * T[1] * end.v_NB + kA * T[1] * T[1] * end.a_NB);
+  m0[1].row(5) = row(end.p_NB - 2 * kV * T[1] * end.v_NB + kA * T[1] * T[1] * end.a_NB);
   m0[1].row(6) = row(end.p_NB - kV * T[1] * end.v_NB);
   m0[1].row(7) = row(end.p_NB);
 

@@ -41,8 +41,8 @@ struct Reduction {
 /// The same in coordinates u = L' x + L^-1 g with H = L L': the cost becomes
 /// h^-5 (|u|^2 + constant), so the QP asks for the point of the corridor nearest zero.
 struct Whitened {
-  std::array<PointBasis, kSegments> W;        ///< c_k = W.col(k)' u + c0.row(k)
-  std::array<ControlPoints, kSegments> c0;    ///< The unconstrained optimum.
+  std::array<PointBasis, kSegments> W;      ///< c_k = W.col(k)' u + c0.row(k)
+  std::array<ControlPoints, kSegments> c0;  ///< The unconstrained optimum.
   Matrix7 L;
   Matrix73 shift;  ///< L^-1 g
 

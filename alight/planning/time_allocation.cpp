@@ -12,16 +12,14 @@ TimeRange time_range(const PlannerConfig& config, const Rig& rig,
   const double upper = from.z() - config.touch_down_height_m;
   const double share = drop > 1e-6 ? std::clamp(upper / drop, 0.1, 0.9) : 0.5;
   const double way = (end.p_NB - from).norm();
-  const double fastest =
-      std::max(rig.limits.speed_m_s - request.platform.v_IN_N.norm(),
-               2 * config.slowest_m_s);
+  const double fastest = std::max(rig.limits.speed_m_s - request.platform.v_IN_N.norm(),
+                                  2 * config.slowest_m_s);
   TimeRange range;
   for (std::size_t s = 0; s < kSegments; ++s) {
     const double length = way * (s == 0 ? share : 1 - share);
     range.shortest[s] = std::max(config.shortest_s, length / fastest);
-    range.longest[s] =
-        std::max({4 * config.shortest_s, 2 * range.shortest[s],
-                  length / config.slowest_m_s});
+    range.longest[s] = std::max(
+        {4 * config.shortest_s, 2 * range.shortest[s], length / config.slowest_m_s});
   }
   return range;
 }

@@ -47,7 +47,8 @@ Vector3 pad_shadow_normal(const Camera& camera, const PadSpec& pad) {
   const double side = p_NC.z() >= 0 ? ahead : -ahead;  // far edge, or the near one
   const double run = side * pad.size_m / 2 - p_NC[axis];
   if (run * ahead <= 1e-6) return Vector3::Zero();  // no such edge in front of the lens
-  // Direction of the ray in the vertical plane along `axis`, turned by 90 deg downwards.
+  // Direction of the ray in the vertical plane along `axis`, turned by 90 deg
+  // downwards.
   Vector3 n = Vector3::Zero();
   n[axis] = -p_NC.z() / run * 1.0;
   n.z() = -1;

@@ -29,7 +29,8 @@ double bernstein(int n, int i, double u) {
 
 Vector3 value(const ControlPoints& c, int count, double u) {
   Vector3 x = Vector3::Zero();
-  for (int i = 0; i < count; ++i) x += bernstein(count - 1, i, u) * c.row(i).transpose();
+  for (int i = 0; i < count; ++i)
+    x += bernstein(count - 1, i, u) * c.row(i).transpose();
   return x;
 }
 

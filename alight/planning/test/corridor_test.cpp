@@ -80,7 +80,8 @@ TEST_P(CorridorProperty, RaysAboveTheShadowPlaneMissThePad) {
                     rng.uniform(-0.3, 0.3));
     const double down = p_NC.z() - p.z();
     const Vector3 hit = down > 0 ? (p_NC + (p - p_NC) * (p_NC.z() / down)).eval() : p;
-    const bool blocked = p.z() < 0 && std::abs(hit.x()) < half && std::abs(hit.y()) < half;
+    const bool blocked =
+        p.z() < 0 && std::abs(hit.x()) < half && std::abs(hit.y()) < half;
     if (n.dot(p - p_NC) <= 0) {
       ++above;
       EXPECT_FALSE(blocked) << p.transpose();
@@ -148,8 +149,7 @@ TEST(LedSupport, IsReachedAndNeverExceeded) {
   const YawRange yaw = yaw_range(-0.3, 0.5);
   Rng rng(11);
   for (int i = 0; i < 50; ++i) {
-    const Vector3 n =
-        Vector3(rng.normal(), rng.normal(), rng.normal()).normalized();
+    const Vector3 n = Vector3(rng.normal(), rng.normal(), rng.normal()).normalized();
     const double angle = rng.uniform(0, 0.4);
     const double bound = led_support(rig.leds, n, yaw, angle);
     double most = -1;

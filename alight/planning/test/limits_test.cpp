@@ -37,8 +37,8 @@ TEST(DynamicLimits, CurvesAreTheMotionSeenFromI) {
     platform.w_IN_N = vector(1);
     platform.a_IN_N = vector(1);
     platform.alpha_IN_N = vector(0.5);
-    const DynamicLimitRows rows = make_limits(
-        {}, alan_rig(), make_polyhedron(Profile::standard), platform, 1);
+    const DynamicLimitRows rows =
+        make_limits({}, alan_rig(), make_polyhedron(Profile::standard), platform, 1);
     ControlPoints c;
     for (double& value : c.reshaped()) value = rng.uniform(-1, 1);
     const double T = rng.uniform(0.5, 3);
@@ -57,8 +57,7 @@ TEST(DynamicLimits, CurvesAreTheMotionSeenFromI) {
     evaluate_bezier(a, u, T, a_at);
     EXPECT_LT((v_at.p_NB - inertial_velocity_N(platform, at.p_NB, at.v_NB)).norm(),
               1e-10);
-    EXPECT_LT((a_at.p_NB -
-               inertial_acceleration_N(platform, at.p_NB, at.v_NB, at.a_NB))
+    EXPECT_LT((a_at.p_NB - inertial_acceleration_N(platform, at.p_NB, at.v_NB, at.a_NB))
                   .norm(),
               1e-9);
   }
