@@ -15,6 +15,8 @@ namespace {
 
 constexpr int kPlatformJoints = 6;  // first in qpos and qvel; the drone's follow
 
+constexpr double kPlatformMass = 1e5;  // kg and kg m^2, as in the scene
+
 using Joints = Eigen::Matrix<double, kPlatformJoints, 1>;
 
 /// Joint coordinates of a platform pose, yaw unwrapped next to `yaw_near`.
@@ -72,6 +74,7 @@ struct Scene::Parts {
   double weight = 0;  ///< N
   double yaw = 0;     ///< of the platform, unwrapped
   double dt = 0;
+  Joints rates = Joints::Zero();  ///< of the platform, in the last step
   BodyMotion body;
   FixedVector<Touch, 32> touches;
 
@@ -145,8 +148,13 @@ void Scene::step(const PlatformState& now, const PlatformState& next,
   const Joints to = joints_of(next.X_IN, from[3]);
   s.yaw = to[3];
   for (int j = 0; j < kPlatformJoints; ++j) {
+    // Begun with the last step's speed and pushed to this one's, so that friction sees
+    // the acceleration coming and what stands on the pad does not creep.
+    const double rate = (to[j] - from[j]) / s.dt;
     d.qpos[j] = from[j];
-    d.qvel[j] = (to[j] - from[j]) / s.dt;
+    d.qvel[j] = s.rates[j];
+    d.qfrc_applied[j] = kPlatformMass * (rate - s.rates[j]) / s.dt;
+    s.rates[j] = rate;
   }
   // MuJoCo takes the wrench at the centre of mass.
   const Vector3 p_FCom_I = s.body.X_IF.linear() * s.p_FCom;
