@@ -13,15 +13,15 @@ namespace alight {
 /// and its derivative. Chosen by control/loop_margins.h; docs/control.md has the
 /// numbers.
 struct AttitudeControllerConfig {
-  double kp = 6;     ///< 1/s^2, horizontal
-  double kv = 4;     ///< 1/s
-  double ka = 0.4;   ///< on the specific force
-  double kj = 0.05;  ///< s, on its derivative
-  double kp_z = 6;   ///< 1/s^2
-  double kv_z = 4;   ///< 1/s
-  double ka_z = 0;   ///< on the vertical specific force
+  double kp = 3.5;    ///< 1/s^2, horizontal
+  double kv = 6.9;    ///< 1/s
+  double ka = 1.3;    ///< on the specific force
+  double kj = 0.01;   ///< s, on its derivative
+  double kp_z = 3.5;  ///< 1/s^2
+  double kv_z = 6;    ///< 1/s
+  double ka_z = 0.3;  ///< on the vertical specific force
 
-  double disturbance_lag_s = 0.3;  ///< Low-pass on d_N before it is countered.
+  double disturbance_lag_s = 0.4;  ///< Low-pass on d_N before it is countered.
 
   double error_max_m = 0.6;             ///< Position errors act as if no larger,
   double velocity_error_max_m_s = 1.5;  ///< nor velocity errors.

@@ -99,8 +99,11 @@ Complex Loop::open_loop(double w, const LoopError& error) const {
   const AttitudeControllerConfig& g = model_.gains;
   const double ka = vertical ? g.ka_z : g.ka;
   const double kj = vertical ? 0 : g.kj;
-  const Eigen::RowVector3cd k = vertical ? Eigen::RowVector3cd(g.kp_z, g.kv_z, 1)
-                                         : Eigen::RowVector3cd(g.kp, g.kv, 1);
+  // The disturbance takes part twice: in the force wished, and in its difference from
+  // the modelled one.
+  const Complex kd = (1 + ka) / (1.0 + s * g.disturbance_lag_s);
+  const Eigen::RowVector3cd k = vertical ? Eigen::RowVector3cd(g.kp_z, g.kv_z, kd)
+                                         : Eigen::RowVector3cd(g.kp, g.kv, kd);
 
   // Filter, at the time of the picture: x = from_a a_model + from_y y.
   Matrix3 keep = Matrix3::Identity();

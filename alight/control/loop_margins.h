@@ -9,7 +9,7 @@ namespace alight {
 /// One axis of the whole loop, linear: set-point -> radio and autopilot (delay) -> lag
 /// -> double integrator -> camera (delay) -> steady-state Kalman filter for position,
 /// velocity and disturbance -> carried forward over all delays with the exact model ->
-/// gains. Gains are designed on it, not by trial; docs/control.md is made from it.
+/// gains. Gains are designed on it, not by trial.
 struct LoopModel {
   enum class Axis { horizontal, vertical };
   Axis axis = Axis::horizontal;

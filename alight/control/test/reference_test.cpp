@@ -1,0 +1,107 @@
+#include "alight/control/reference.h"
+
+#include <gtest/gtest.h>
+
+#include "alight/base/rng.h"
+#include "alight/geometry/so3.h"
+
+namespace alight {
+namespace {
+
+Vector3 draw(Rng& rng, double sd) {
+  return {rng.normal(0, sd), rng.normal(0, sd), rng.normal(0, sd)};
+}
+
+constexpr Time kStart = 5'000'000'000;
+
+TEST(PointToPoint, BeginsAsItCameAndEndsAtRest) {
+  Rng rng(1);
+  for (int i = 0; i < 200; ++i) {
+    FlatState from;
+    from.p_NB = draw(rng, 2);
+    from.v_NB = draw(rng, 0.5);
+    from.a_NB = draw(rng, 0.5);
+    from.yaw = rng.uniform(-3, 3);
+    from.yaw_rate = rng.uniform(-0.5, 0.5);
+    const Vector3 to = draw(rng, 2);
+    const double yaw = rng.uniform(-3, 3);
+    const PointToPoint move(kStart, from, to, yaw, {});
+    const FlatState a = move.at(kStart);
+    EXPECT_LT((a.p_NB - from.p_NB).norm(), 1e-9);
+    EXPECT_LT((a.v_NB - from.v_NB).norm(), 1e-9);
+    EXPECT_LT((a.a_NB - from.a_NB).norm(), 1e-9);
+    EXPECT_NEAR(a.yaw_rate, from.yaw_rate, 1e-9);
+    const FlatState b = move.at(move.end() - 1);
+    EXPECT_LT((b.p_NB - to).norm(), 1e-6);
+    EXPECT_LT(b.v_NB.norm(), 1e-6);
+    EXPECT_LT(b.a_NB.norm(), 1e-6);
+    EXPECT_NEAR(wrap_angle(b.yaw - yaw), 0, 1e-6);
+    EXPECT_LE(std::abs(move.goal_yaw() - from.yaw), kPi + 1e-9);
+    const FlatState after = move.at(move.end() + 1'000'000'000);
+    EXPECT_EQ(after.p_NB, to);
+    EXPECT_EQ(after.v_NB.norm(), 0);
+    EXPECT_TRUE(move.done(move.end()));
+  }
+}
+
+TEST(PointToPoint, DerivativesAreThoseOfThePosition) {
+  FlatState from;
+  from.v_NB = Vector3(0.3, -0.2, 0.1);
+  from.yaw_rate = 0.4;
+  const PointToPoint move(kStart, from, Vector3(1, 2, 0.5), 1, {});
+  const Time h = 100'000;
+  for (double u = 0.05; u < 0.95; u += 0.07) {
+    const Time t = kStart + from_seconds(u * move.duration());
+    const FlatState a = move.at(t - h), b = move.at(t + h), m = move.at(t);
+    const double dt = 2 * to_seconds(h);
+    EXPECT_LT(((b.p_NB - a.p_NB) / dt - m.v_NB).norm(), 1e-6);
+    EXPECT_LT(((b.v_NB - a.v_NB) / dt - m.a_NB).norm(), 1e-6);
+    EXPECT_LT(((b.a_NB - a.a_NB) / dt - m.j_NB).norm(), 1e-5);
+    EXPECT_NEAR((b.yaw - a.yaw) / dt, m.yaw_rate, 1e-6);
+  }
+}
+
+TEST(PointToPoint, KeepsItsBounds) {
+  Rng rng(2);
+  const MoveLimits limits{0.8, 1.2, 0.7};
+  for (int i = 0; i < 300; ++i) {
+    FlatState from;
+    from.p_NB = draw(rng, 1.5);
+    from.v_NB = draw(rng, 0.25);
+    from.yaw = rng.uniform(-3, 3);
+    const PointToPoint move(kStart, from, draw(rng, 1.5), rng.uniform(-3, 3), limits);
+    const double v_max = std::max(limits.speed_m_s, 1.1 * from.v_NB.norm());
+    for (int k = 0; k <= 300; ++k) {
+      const FlatState s = move.at(kStart + from_seconds(move.duration() * k / 300.0));
+      EXPECT_LE(s.v_NB.norm(), 1.01 * v_max);
+      EXPECT_LE(s.a_NB.norm(), 1.01 * limits.acceleration_m_s2);
+      EXPECT_LE(std::abs(s.yaw_rate), 1.01 * limits.yaw_rate_rad_s);
+    }
+  }
+}
+
+TEST(PointToPoint, IsNotIdle) {
+  // From rest, the bound on acceleration or speed is nearly reached somewhere.
+  for (const double d : {0.1, 0.5, 1.5, 5.0}) {
+    const PointToPoint move(0, FlatState{}, Vector3(d, 0, 0), 0, {});
+    double v = 0, a = 0;
+    for (int k = 0; k <= 400; ++k) {
+      const FlatState s = move.at(from_seconds(move.duration() * k / 400.0));
+      v = std::max(v, s.v_NB.norm());
+      a = std::max(a, s.a_NB.norm());
+    }
+    const MoveLimits limits;
+    EXPECT_GT(std::max(v / limits.speed_m_s, a / limits.acceleration_m_s2), 0.85) << d;
+  }
+}
+
+TEST(PointToPoint, NowhereToGo) {
+  const PointToPoint move(kStart, FlatState{}, Vector3::Zero(), 0, {});
+  for (Time t = kStart - 1; t < kStart + 1'000'000'000; t += 50'000'000) {
+    EXPECT_LT(move.at(t).p_NB.norm(), 1e-12);
+  }
+  EXPECT_EQ(PointToPoint().at(123).p_NB, Vector3(0, 0, 0));
+}
+
+}  // namespace
+}  // namespace alight
