@@ -30,6 +30,17 @@ double radius_of(const Constellation& leds) {
   return radius;
 }
 
+/// A blob this much longer than the roundest, by second moments, may be two LEDs.
+constexpr double kLong = 2.2;
+
+/// Larger over smaller second moment.
+double stretch_of(const Blob& blob) {
+  const Matrix2 S = blob.spread + 0.1 * Matrix2::Identity();
+  const double half = S.trace() / 2;
+  const double gap = std::sqrt(std::max(half * half - S.determinant(), 0.0));
+  return (half + gap) / std::max(half - gap, 1e-3);
+}
+
 /// log of n over k.
 double log_choose(int n, int k) {
   return std::lgamma(n + 1) - std::lgamma(k + 1) - std::lgamma(n - k + 1);
@@ -123,10 +134,11 @@ LedFinder::Search::Search(const LedFinderConfig& config_in, const Camera& camera
       radius_m(radius_of(leds_in)),
       shapes(camera, leds, config.range_min_m, config.range_max_m,
              [this](const Pose& X_NB) { return plausible(X_NB); }),
-      neighbours(kMaxBlobs) {
-  usable.reserve(kMaxBlobs);
-  by_distance.reserve(kMaxBlobs);
-  pinhole.reserve(kMaxBlobs);
+      neighbours(2 * kMaxBlobs) {
+  split.reserve(2 * kMaxBlobs);
+  usable.reserve(2 * kMaxBlobs);
+  by_distance.reserve(2 * kMaxBlobs);
+  pinhole.reserve(2 * kMaxBlobs);
   for (auto& list : neighbours) list.reserve(kNeighbours);
 }
 
@@ -289,6 +301,28 @@ double LedFinder::Search::sigma2(const Pose& X_NB) const {
   return config.centroid_sd_px * config.centroid_sd_px + led_px * led_px;
 }
 
+double LedFinder::Search::unexplained_cost(BlobSpan blobs, const Assignment& a) const {
+  // Long blobs are two LEDs; motion blur makes all of them long.
+  std::array<double, kMaxLeds> stretch{};
+  double least = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < kMaxLeds; ++i) {
+    if (a.blob[i] < 0) continue;
+    const Matrix2 S =
+        blobs[static_cast<std::size_t>(a.blob[i])].spread + 0.1 * Matrix2::Identity();
+    const double half = S.trace() / 2;
+    const double gap = std::sqrt(std::max(half * half - S.determinant(), 0.0));
+    stretch[i] = (half + gap) / std::max(half - gap, 1e-3);
+    least = std::min(least, stretch[i]);
+  }
+  double cost = 0;
+  for (std::size_t i = 0; i < kMaxLeds; ++i) {
+    if (a.blob[i] < 0 || stretch[i] < kLong * least) continue;
+    const auto shown = std::count(a.blob.begin(), a.blob.end(), a.blob[i]);
+    if (shown == 1) cost += config.missing_cost / 2;
+  }
+  return cost;
+}
+
 bool LedFinder::Search::settle(BlobSpan blobs, bool white_is_any, Candidate& candidate,
                                PoseFit& fit) const {
   for (int pass = 0; pass < 3; ++pass) {
@@ -305,6 +339,7 @@ bool LedFinder::Search::settle(BlobSpan blobs, bool white_is_any, Candidate& can
     const double tilt =
         angle_of_cosine(fit.X_NB.linear()(2, 2)) / (config.tilt_sd_deg * kDegree);
     candidate.score = fit.chi2 + tilt * tilt +
+                      unexplained_cost(blobs, candidate.assignment) +
                       config.missing_cost * (leds.size() - candidate.assignment.leds) +
                       2.0 * (candidate.assignment.leds - candidate.assignment.blobs);
     images = led_images(camera, leds, fit.X_NB);
@@ -340,6 +375,11 @@ Result<FoundLeds> LedFinder::Search::decide(BlobSpan blobs, bool white_is_any, T
   for (const Candidate& candidate : kept) {
     Settled s;
     s.candidate = candidate;
+    const LedImages at = led_images(camera, leds, candidate.X_NB);
+    s.candidate.assignment = match_leds(
+        at, leds, blobs, usable,
+        {2 + kFineShare * at.size_px, config.merge_px, config.use_color, white_is_any});
+    if (s.candidate.assignment.blobs < 4) continue;
     if (!settle(blobs, white_is_any, s.candidate, s.fit)) continue;
     settled.push_back(s);
     if (s.fit.rms_px > config.rms_max_px) continue;
@@ -381,6 +421,10 @@ Result<FoundLeds> LedFinder::Search::decide(BlobSpan blobs, bool white_is_any, T
       std::log(static_cast<double>(std::max<std::int64_t>(tried, 1))) +
       log_choose(leds.size() - 3, std::min(beyond, leds.size() - 3)) +
       beyond * log_chance;
+  if (best.assignment.leds < std::min(5, leds.size()) &&
+      unexplained_cost(blobs, best.assignment) > 0) {
+    return fail(Fault::too_few_points);
+  }
   if (log_alarms > std::log(config.false_alarms_max))
     return fail(Fault::too_few_points);
   if (found.runner_up_score - found.score < config.runner_up_margin) {
@@ -398,15 +442,42 @@ Result<FoundLeds> LedFinder::Search::decide(BlobSpan blobs, bool white_is_any, T
   return found;
 }
 
+void LedFinder::Search::split_long(BlobSpan blobs) {
+  split.assign(blobs.begin(), blobs.end());
+  double least = std::numeric_limits<double>::infinity();
+  for (const Blob& blob : blobs) least = std::min(least, stretch_of(blob));
+  for (const Blob& blob : blobs) {
+    if (blob.area_px > 100 || stretch_of(blob) < kLong * least) continue;
+    if (split.size() + 2 > 2 * kMaxBlobs) break;
+    // Two equal lights lie one standard deviation of what they add to either side.
+    const Matrix2& S = blob.spread;
+    const double half = S.trace() / 2;
+    const double gap = std::sqrt(std::max(half * half - S.determinant(), 0.0));
+    const double way = std::atan2(2 * S(0, 1), S(0, 0) - S(1, 1)) / 2;
+    for (const double sign : {1.0, -1.0}) {
+      Blob part = blob;
+      part.uv += sign * std::sqrt(2 * gap) * Vector2(std::cos(way), std::sin(way));
+      part.cov += 0.1 * Matrix2::Identity();
+      part.spread -= 2 * gap * Vector2(std::cos(way), std::sin(way)) *
+                     Vector2(std::cos(way), std::sin(way)).transpose();
+      split.push_back(part);
+    }
+  }
+}
+
 Result<FoundLeds> LedFinder::Search::find_standard(BlobSpan blobs, Time t) {
   Result<FoundLeds> found = fail(Fault::too_few_points);
   // Washed-out LEDs look white, and so do lamps: they are let in only when the lights
   // of a true colour do not do.
+  split_long(blobs);
+  const BlobSpan parts(split);
   for (const bool white_is_any : {false, true}) {
     if (white_is_any && !config.use_color) break;
-    prepare(blobs, white_is_any);
+    prepare(parts, white_is_any);
     if (usable.size() < 4) continue;
-    search_triples(blobs, white_is_any);
+    search_triples(parts, white_is_any);
+    // From here on the blobs as they were seen; the parts only served the search.
+    std::erase_if(usable, [&](int j) { return j >= static_cast<int>(blobs.size()); });
     found = decide(blobs, white_is_any, t);
     if (found || found.error().fault == Fault::ambiguous) break;
   }

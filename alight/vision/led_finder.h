@@ -24,7 +24,7 @@ struct LedFinderConfig {
   double rms_max_px = 2;
   double led_sd_m = 0.002;      ///< How well LED positions are known, per axis.
   double centroid_sd_px = 0.2;  ///< Added to the blobs' own, for what noise leaves out.
-  double merge_px = 5;          ///< LEDs whose images are closer may share a blob.
+  double merge_px = 6.5;        ///< LEDs whose images are closer may share a blob.
   double missing_cost = 20;     ///< chi^2 charged for an LED not seen.
   double runner_up_margin = 8;  ///< chi^2 by which the answer must beat its rival.
   /// Accept only if fewer answers as good are expected by chance, given how many lights

@@ -31,12 +31,16 @@ struct LedFinder::Search {
   };
 
   bool plausible(const Pose& X_NB) const;
+  /// The blobs, and after them the halves of those that look like two LEDs.
+  void split_long(BlobSpan blobs);
   void prepare(BlobSpan blobs, bool white_is_any);
   void search_triples(BlobSpan blobs, bool white_is_any);
   void try_pose(BlobSpan blobs, const Pose& X_NB, const std::vector<int>& near,
                 bool white_is_any);
   void keep(const Candidate& candidate);
   double sigma2(const Pose& X_NB) const;
+  /// Charged for blobs that look like two LEDs and are given one.
+  double unexplained_cost(BlobSpan blobs, const Assignment& assignment) const;
   /// Refines and scores; false if it falls below what can be accepted.
   bool settle(BlobSpan blobs, bool white_is_any, Candidate& candidate,
               PoseFit& fit) const;
@@ -52,6 +56,7 @@ struct LedFinder::Search {
   double radius_m;  // from centre_B to the farthest LED
   ShapeTable shapes;
 
+  std::vector<Blob> split;
   std::vector<int> usable;                   // blobs some LED may have made
   std::vector<std::vector<int>> neighbours;  // by index into `usable`
   std::vector<std::pair<double, int>> by_distance;

@@ -46,7 +46,9 @@ bool shows_both(const Blob& blob, const Vector2& uv_k, const Vector2& uv_i) {
   const double wider =
       along.dot(blob.spread * along) - across.dot(blob.spread * across);
   const double shape = wider / (d * d / 4);  // 1: both, 0: one
-  return both - alone < (shape - 0.5) * d;
+  // Shape decides where it speaks clearly (the place of a blob that a pose was fitted
+  // to as one LED is no witness against it); between, the place does.
+  return both - alone < 2 * (shape - 0.35) * d;
 }
 
 }  // namespace

@@ -17,7 +17,7 @@ struct LedTrackerConfig {
   double gate_sd = 3;         ///< How many of each are looked for.
   double match_px = 3;        ///< Residual up to which a blob is an LED's, plus
   double match_share = 0.03;  ///< this share of the constellation's size in px.
-  double merge_px = 5;        ///< LEDs whose images are closer may share a blob.
+  double merge_px = 6.5;      ///< LEDs whose images are closer may share a blob.
   double merged_imbalance = 0.15;  ///< sd of the weight of one LED in a merged blob.
   double roi_margin_px = 12;
   double paper_gate_px = 20;  ///< paper: farther neighbours are none.
