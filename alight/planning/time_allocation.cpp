@@ -1,6 +1,7 @@
 #include "alight/planning/time_allocation.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 
 namespace alight {
@@ -10,8 +11,15 @@ TimeRange time_range(const PlannerConfig& config, const Rig& rig,
   const Vector3& from = request.from.p_NB;
   const double drop = from.z() - end.p_NB.z();
   const double upper = from.z() - config.touch_down_height_m;
-  const double share = drop > 1e-6 ? std::clamp(upper / drop, 0.1, 0.9) : 0.5;
+  double share = drop > 1e-6 ? std::clamp(upper / drop, 0.1, 0.9) : 0.5;
   const double way = (end.p_NB - from).norm();
+  if (config.profile == Profile::standard && way > 1e-6) {
+    // The funnel lets the touch-down space reach no farther than this.
+    const double height = std::max(0.0, config.touch_down_height_m - end.p_NB.z());
+    const double reach =
+        config.funnel_radius_m + height / std::tan(config.funnel_slope_deg * kDegree);
+    share = std::clamp(1 - reach / way, share, 0.9);
+  }
   const double fastest = std::max(rig.limits.speed_m_s - request.platform.v_IN_N.norm(),
                                   2 * config.slowest_m_s);
   TimeRange range;
@@ -41,8 +49,13 @@ Allocation allocate_time(const PlannerConfig& config, const TimeRange& range,
       const QpOutcome outcome = qp.solve(Reduction(start, end, T), corridor, tightened);
       ++allocation.tried;
       if (!outcome.solved()) {
-        allocation.failure = outcome.kind;
-        allocation.blame = outcome.blame;
+        // What leaves no way says more than a boundary state that some times forbid.
+        const bool more = outcome.kind != QpOutcome::Kind::fixed_row ||
+                          allocation.failure == QpOutcome::Kind::fixed_row;
+        if (more) {
+          allocation.failure = outcome.kind;
+          allocation.blame = outcome.blame;
+        }
         continue;
       }
       ++allocation.feasible;

@@ -18,8 +18,8 @@ struct Allocation {
   std::array<Seconds, kSegments> best{0, 0};
   int tried = 0;
   int feasible = 0;
-  QpOutcome::Kind failure = QpOutcome::Kind::infeasible;
-  RowId blame;  ///< Of the sample with most time, if none is feasible.
+  QpOutcome::Kind failure = QpOutcome::Kind::fixed_row;
+  RowId blame;  ///< Of the last such sample, if none is feasible.
 };
 
 /// Steps 1 to 3 of "On Time Allocation": every pair of durations is solved under the
