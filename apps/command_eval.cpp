@@ -2,7 +2,6 @@
 #include <cstdio>
 #include <iostream>
 #include <memory>
-#include <nlohmann/json.hpp>
 #include <optional>
 
 #include "alight/eval/path_error.h"
@@ -11,6 +10,7 @@
 #include "alight/io/plot.h"
 #include "alight/io/pose_log.h"
 #include "command.h"
+#include "json.h"
 
 using namespace alight;
 
@@ -72,14 +72,8 @@ Result<Evaluation> evaluate(const Options& options) {
   return result;
 }
 
-/// JSON knows no NaN.
-nlohmann::ordered_json number_or_null(double value) {
-  return std::isfinite(value) ? nlohmann::ordered_json(value)
-                              : nlohmann::ordered_json(nullptr);
-}
-
-nlohmann::ordered_json as_json(const Options& options, const Evaluation& e) {
-  nlohmann::ordered_json json;
+Json as_json(const Options& options, const Evaluation& e) {
+  Json json;
   json["estimate"] = options.estimate;
   json["truth"] = options.truth;
   json["align"] = options.align;

@@ -51,8 +51,7 @@ TEST(YamlMap, NamesFileLineKeyAndRemedy) {
        "f.yaml:1: kind: must be one of still, circle; found 'circel', did you mean "
        "circle?"},
       {"inner: 3\n", "f.yaml:1: inner: must be a map of keys and values, found '3'"},
-      {"items:\n  - {at_s: 1}\n  - {}\n",
-       "f.yaml:3: items[1]: items[1].at_s is missing"},
+      {"items:\n  - {at_s: 1}\n  - {}\n", "f.yaml:3: items[1].at_s: is missing"},
       {"items: 3\n", "f.yaml:1: items: must be a list, found '3'"},
       {"number: 1\nnumber: 2\n", "f.yaml:2: number: is there twice"},
       {"number: x\nwhole: x\n",
@@ -60,12 +59,6 @@ TEST(YamlMap, NamesFileLineKeyAndRemedy) {
       {"- 1\n", "f.yaml:1: is not a map of keys and values"},
   };
   for (const auto& [text, expected] : cases) {
-    if (std::string(expected).find("is missing") != std::string::npos) {
-      EXPECT_NE(complaint(text).find("is missing"), std::string::npos)
-          << complaint(text);
-      EXPECT_EQ(complaint(text).substr(0, 9), "f.yaml:3:");
-      continue;
-    }
     EXPECT_EQ(complaint(text), expected);
   }
   EXPECT_EQ(complaint("a: [1\nb: }").substr(0, 7), "f.yaml:");
@@ -116,7 +109,6 @@ TEST_F(RigYamlFiles, AnyRigReadsBack) {
     const auto read = load_rig(path("r.yaml"));
     ASSERT_TRUE(read) << read.error().detail;
     EXPECT_TRUE(read->camera.X_NC.isApprox(rig.camera.X_NC, 1e-12));
-    read->camera.X_NC.isApprox(rig.camera.X_NC);
     Rig other = *read;
     other.camera.X_NC = rig.camera.X_NC;
     EXPECT_TRUE(same(other, rig));

@@ -1,0 +1,159 @@
+#include <cstdio>
+#include <filesystem>
+#include <iostream>
+#include <memory>
+
+#include "alight/io/files.h"
+#include "alight/io/plot.h"
+#include "alight/io/rig_yaml.h"
+#include "alight/vision/led_finder.h"
+#include "command.h"
+#include "json.h"
+
+using namespace alight;
+
+namespace {
+
+struct Options {
+  std::vector<std::string> images;
+  std::string rig;
+  std::string out;
+  bool json = false;
+};
+
+/// An LED and where it was seen; merged ones share a place.
+struct SeenLed {
+  int index = 0;
+  Vector2 uv = Vector2::Zero();
+  LedColor color = LedColor::none;  ///< Of the blob, not of the rig.
+};
+
+std::vector<SeenLed> seen_leds(const DetectResult& result) {
+  std::vector<SeenLed> leds;
+  if (!result.found) return leds;
+  for (const LedObservation& seen : result.found->frame.seen) {
+    const Blob* nearest = nullptr;
+    for (const Blob& blob : result.blobs) {
+      if (!nearest || (blob.uv - seen.uv).norm() < (nearest->uv - seen.uv).norm()) {
+        nearest = &blob;
+      }
+    }
+    for (int i = 0; i < kMaxLeds; ++i) {
+      if (!(seen.leds >> i & 1)) continue;
+      leds.push_back({i, seen.uv, nearest ? nearest->color : LedColor::none});
+    }
+  }
+  return leds;
+}
+
+Json document(const std::string& file, const DetectResult& result) {
+  Json json;
+  json["file"] = file;
+  json["blobs"] = Json::array();
+  for (const Blob& blob : result.blobs) {
+    json["blobs"].push_back({{"u", blob.uv.x()},
+                             {"v", blob.uv.y()},
+                             {"area_px", blob.area_px},
+                             {"color", to_string(blob.color)}});
+  }
+  json["leds"] = Json::array();
+  for (const SeenLed& led : seen_leds(result)) {
+    json["leds"].push_back({{"index", led.index},
+                            {"u", led.uv.x()},
+                            {"v", led.uv.y()},
+                            {"color", to_string(led.color)}});
+  }
+  json["pose"] = result.found ? as_json(result.found->fit.X_NB) : Json(nullptr);
+  json["reprojection_px"] =
+      result.found ? number_or_null(result.found->fit.rms_px) : Json(nullptr);
+  return json;
+}
+
+void print(const std::string& file, const DetectResult& result) {
+  std::printf("%s: %zu blobs", file.c_str(), result.blobs.size());
+  if (!result.found) {
+    std::printf(", no pose%s%s\n", result.found.error().detail.empty() ? "" : ": ",
+                result.found.error().detail.c_str());
+    return;
+  }
+  const std::vector<SeenLed> leds = seen_leds(result);
+  const Vector3 p = result.found->fit.X_NB.translation();
+  std::printf(", %zu LEDs, pose (%.3f, %.3f, %.3f) m in N, fits within %.2f px rms\n",
+              leds.size(), p.x(), p.y(), p.z(), result.found->fit.rms_px);
+  for (const SeenLed& led : leds) {
+    std::printf("  LED %d  %8.2f %8.2f  %s\n", led.index, led.uv.x(), led.uv.y(),
+                to_string(led.color));
+  }
+}
+
+Rgb paint(LedColor color) {
+  switch (color) {
+    case LedColor::red:
+      return {255, 90, 90};
+    case LedColor::green:
+      return {90, 255, 120};
+    case LedColor::blue:
+      return palette::sky;
+    default:
+      return palette::white;
+  }
+}
+
+/// Blobs grey, LEDs in their colour and numbered.
+Image annotated(const Image& image, const DetectResult& result) {
+  Image picture = copy_of(image.view(), Channels::color);
+  for (const Blob& blob : result.blobs) {
+    draw_circle(picture, blob.uv.x(), blob.uv.y(), 5, palette::grey, 1);
+  }
+  for (const SeenLed& led : seen_leds(result)) {
+    draw_circle(picture, led.uv.x(), led.uv.y(), 6, paint(led.color), 1);
+    draw_text(picture, led.uv.x() - 4, led.uv.y() - 9, std::to_string(led.index),
+              paint(led.color), 10);
+  }
+  return picture;
+}
+
+Result<void> run(const Options& options) {
+  const auto rig = load_rig(options.rig);
+  if (!rig) return fail(rig.error());
+  const Intrinsics& lens = rig->camera.intrinsics;
+  Json images = Json::array();
+  for (const std::string& file : options.images) {
+    const auto image = load_image(file, Channels::as_stored);
+    if (!image) return fail(image.error());
+    if (image->width != lens.width || image->height != lens.height) {
+      return fail(Fault::invalid_input, file + ": is " + std::to_string(image->width) +
+                                            "x" + std::to_string(image->height) +
+                                            ", the camera of " + options.rig +
+                                            " gives " + std::to_string(lens.width) +
+                                            "x" + std::to_string(lens.height));
+    }
+    const auto result = detect_once(*rig, image->view());
+    if (!result) return fail(result.error().fault, file + ": " + result.error().detail);
+    images.push_back(document(file, *result));
+    if (!options.json) print(file, *result);
+    if (!options.out.empty()) {
+      const std::string target =
+          options.out + "/" + std::filesystem::path(file).stem().string() + "_leds.png";
+      if (auto good = save_png(target, annotated(*image, *result).view()); !good) {
+        return good;
+      }
+      if (!options.json) std::printf("  picture %s\n", target.c_str());
+    }
+  }
+  if (options.json) std::cout << Json{{"images", images}}.dump(2) << '\n';
+  return {};
+}
+
+}  // namespace
+
+void add_detect(CLI::App& app, Job& job) {
+  auto options = std::make_shared<Options>();
+  CLI::App* command =
+      app.add_subcommand("detect", "Finds the LEDs in single images, and the pose");
+  command->add_option("IMAGE", options->images)->required();
+  command->add_option("--rig", options->rig, "Rig file")->required();
+  command->add_option("--out", options->out, "Folder for annotated pictures");
+  command->add_flag("--json", options->json, "One JSON document");
+  command->callback([options, &job] { job = [options] { return run(*options); }; });
+}
