@@ -1,0 +1,154 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+#include "alight/base/rng.h"
+#include "alight/platform/platform_tracker.h"
+#include "alight/platform/ugv_controller.h"
+
+namespace alight {
+namespace {
+
+class EveryPath : public testing::TestWithParam<PathConfig> {};
+
+TEST_P(EveryPath, RunsAtUnitSpeedAlongItsHeading) {
+  const Path path(GetParam());
+  const double h = 1e-5;
+  for (double s = 0.013; s < 40; s += 0.0717) {
+    const double corner = path.next_corner(s - 2 * h);
+    if (std::abs(corner - s) < 3 * h) continue;
+    const PathPoint a = path.at(s - h), b = path.at(s + h), m = path.at(s);
+    const Vector2 t = (b.p_I - a.p_I) / (2 * h);
+    EXPECT_NEAR((t - Vector2(std::cos(m.heading), std::sin(m.heading))).norm(), 0,
+                1e-4);
+  }
+  EXPECT_EQ(path.at(0).p_I.norm(), 0);
+}
+
+TEST_P(EveryPath, IsFollowedWithinCentimetres) {
+  const Path path(GetParam());
+  const UgvControllerConfig config;
+  UgvController controller(config, path);
+  UgvPose pose;
+  UgvCommand last;
+  const double dt = 0.01, wish = 0.5;
+  double way = 0;
+  for (int k = 0; k < 6000; ++k) {
+    const UgvCommand c = controller.step(pose, wish, dt);
+    EXPECT_LE(std::abs(c.v - last.v), config.acceleration_m_s2 * dt + 1e-12);
+    EXPECT_LE(std::abs(c.w - last.w), config.yaw_acceleration_rad_s2 * dt + 1e-12);
+    EXPECT_LE(c.v, wish + 1e-12);
+    last = c;
+    const double mid = pose.yaw + c.w * dt / 2;
+    pose.p_I += c.v * dt * Vector2(std::cos(mid), std::sin(mid));
+    pose.yaw += c.w * dt;
+    way += c.v * dt;
+    const double off = (path.at(controller.travelled()).p_I - pose.p_I).norm();
+    EXPECT_LT(off, 0.08) << "at s = " << controller.travelled();
+  }
+  EXPECT_GT(way, 15);
+}
+INSTANTIATE_TEST_SUITE_P(Kinds, EveryPath,
+                         testing::Values(PathConfig{.kind = PathKind::straight},
+                                         PathConfig{.kind = PathKind::circle},
+                                         PathConfig{.kind = PathKind::eight},
+                                         PathConfig{.kind = PathKind::block},
+                                         PathConfig{.kind = PathKind::block,
+                                                    .corner_radius_m = 0}));
+
+PlatformState circling(double t_s) {
+  PlatformState state;
+  state.v_IN_N = {0.9, 0, 0};
+  state.w_IN_N = {0, 0, 0.6};
+  return predict(state, t_s);
+}
+
+PlatformOdometry reading(double t_s, Rng& rng, double noise) {
+  const PlatformState truth = circling(t_s);
+  PlatformOdometry o;
+  o.captured = from_seconds(t_s);
+  o.received = from_seconds(t_s + 0.03);
+  o.X_IN = truth.X_IN;
+  o.v_IN_N = truth.v_IN_N + Vector3(rng.normal(0, noise), 0, 0);
+  o.w_IN_N = truth.w_IN_N + Vector3(0, 0, rng.normal(0, noise));
+  return o;
+}
+
+TEST(PlatformTracker, CarriesACircleForward) {
+  Rng rng(1);
+  PlatformTracker tracker;
+  for (int k = 0; k <= 100; ++k) ASSERT_TRUE(tracker.add(reading(0.02 * k, rng, 0)));
+  for (const double t : {1.95, 2.0, 2.03, 2.1, 2.3}) {
+    const PlatformState x = tracker.at(from_seconds(t));
+    EXPECT_TRUE(x.X_IN.isApprox(circling(t).X_IN, 1e-9)) << t;
+    EXPECT_LT((x.a_IN_N - Vector3(0, 0.54, 0)).norm(), 1e-9) << t;
+    EXPECT_EQ(x.t, from_seconds(t));
+  }
+}
+
+TEST(PlatformTracker, SmoothsWhatIsNoisy) {
+  double square_v = 0, square_a = 0;
+  int n = 0;
+  for (std::uint64_t seed = 0; seed < 50; ++seed) {
+    Rng rng(seed);
+    PlatformTracker tracker;
+    for (int k = 0; k <= 200; ++k) {
+      ASSERT_TRUE(tracker.add(reading(0.02 * k, rng, 0.01)));
+      if (k < 50) continue;
+      const PlatformState x = tracker.at(from_seconds(0.02 * k + 0.05));
+      square_v += (x.v_IN_N - Vector3(0.9, 0, 0)).squaredNorm();
+      square_a += (x.a_IN_N - Vector3(0, 0.54, 0)).squaredNorm();
+      ++n;
+    }
+  }
+  EXPECT_LT(std::sqrt(square_v / n), 0.01);
+  EXPECT_LT(std::sqrt(square_a / n), 0.1);
+}
+
+TEST(PlatformTracker, TakesAnAnnouncedJumpAndFindsASilentOne) {
+  for (const bool announced : {true, false}) {
+    Rng rng(2);
+    PlatformTracker tracker;
+    for (int k = 0; k <= 100; ++k) {
+      PlatformOdometry o = reading(0.02 * k, rng, 0);
+      if (k >= 60) {
+        o.X_IN.translation().x() += 1;
+        o.resets = announced ? 1 : 0;
+      }
+      ASSERT_TRUE(tracker.add(o));
+      const PlatformState x = tracker.at(o.captured);
+      EXPECT_TRUE(x.X_IN.isApprox(o.X_IN, 1e-9));
+      EXPECT_LT((x.v_IN_N - Vector3(0.9, 0, 0)).norm(), 1e-9);  // never as motion
+      EXPECT_EQ(tracker.resets(), k >= 60 ? 1u : 0u);
+    }
+  }
+}
+
+TEST(PlatformTracker, RefusesWhatIsOldOrBroken) {
+  Rng rng(3);
+  PlatformTracker tracker;
+  EXPECT_FALSE(tracker.ready());
+  EXPECT_TRUE(tracker.stale(0));
+  EXPECT_TRUE(tracker.add(reading(1, rng, 0)));
+  EXPECT_FALSE(tracker.add(reading(1, rng, 0)));
+  EXPECT_FALSE(tracker.add(reading(0.98, rng, 0)));
+  PlatformOdometry broken = reading(1.02, rng, 0);
+  broken.v_IN_N.y() = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_FALSE(tracker.add(broken));
+  EXPECT_FALSE(tracker.stale(from_seconds(1.2)));
+  EXPECT_TRUE(tracker.stale(from_seconds(1.4)));
+  EXPECT_DOUBLE_EQ(tracker.age(from_seconds(1.25)), 0.25);
+  EXPECT_EQ(tracker.at(from_seconds(9)).v_IN_N.norm(), 0);
+}
+
+TEST(PlatformTracker, NamesABadSetting) {
+  PlatformTrackerConfig config;
+  config.stale_after_s = -1;
+  const auto refused = config.validate();
+  ASSERT_FALSE(refused);
+  EXPECT_NE(refused.error().detail.find("stale_after_s is -1"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace alight
