@@ -29,6 +29,9 @@ int main(int argc, char** argv) {
   app.set_version_flag("--version", "alight " ALIGHT_VERSION);
 
   Job job;
+  add_land(app, job);
+  add_detect(app, job);
+  add_plan(app, job);
   add_eval(app, job);
 
   try {

@@ -223,7 +223,7 @@ void LandingSystem::Parts::control(const MissionCommand& command, Time now,
       in.d_N = ahead.d_N;
       in.reference = mission.maneuver().at(t_eff);
       in.tilt_limit_rad = command.tilt_limit;
-      out.setpoint = attitude.step(in).setpoint;
+      out.setpoint = attitude.step(in, std::max(to_seconds(now - last_now), 1e-3)).setpoint;
       break;
     }
   }
@@ -288,6 +288,7 @@ void LandingSystem::step(const Input& input, Output& out, Probe* probe) {
     p.estimator.restart_disturbance(d_N);
     state.d_N = d_N;
     p.pid.reset();
+    p.attitude.reset();
   }
   {
     const ProbeScope control_scope(probe, Stage::control);

@@ -1,0 +1,104 @@
+#include <cstdio>
+#include <iostream>
+
+#include "alight/io/rig_yaml.h"
+#include "alight/run/landing_run.h"
+#include "alight/run/run_record.h"
+#include "alight/run/scenario_yaml.h"
+#include "command.h"
+
+namespace {
+
+using namespace alight;
+
+struct LandSettings {
+  std::string scenario, rig, out, profile = "default";
+  std::uint64_t seed = 1;
+  double timeout_s = 60;
+  bool json = false;
+  bool depth = true;
+};
+
+void print(const LandingResult& r) {
+  std::printf("%s: %s\n", to_string(r.outcome), r.reason.c_str());
+  if (r.touchdown) {
+    std::printf(
+        "touch-down    after %.2f s, %.1f cm from the centre, %.2f m/s, tilt %.1f deg, "
+        "heading %+.1f deg\n",
+        r.touchdown->t_s, 100 * r.touchdown->error_m, r.touchdown->relative_speed_m_s,
+        r.touchdown->tilt_deg, r.touchdown->yaw_error_deg);
+  }
+  std::printf("tracking      RMSE %.3f m in the landing, %.3f m while following\n",
+              r.tracking_rmse_m, r.follow_rmse_m);
+  std::printf(
+      "estimate      RMSE %.4f m, %.2f deg, %.3f m/s; tracked in %.2f %% of frames\n",
+      r.estimate.position_rmse_m, r.estimate.rotation_rmse_deg,
+      r.estimate.velocity_rmse_m_s, 100 * r.estimate.tracked_fraction);
+  std::printf("speed         platform up to %.2f m/s, drone up to %.2f m/s\n",
+              r.platform_speed_max_m_s, r.drone_speed_max_m_s);
+  std::printf("simulation    %.1f s at %.1f times real time\n", r.simulated_s,
+              r.realtime_factor);
+}
+
+Result<void> land(const LandSettings& settings) {
+  LandingRunOptions options;
+  options.rig = alan_rig();
+  if (!settings.rig.empty()) {
+    auto rig = load_rig(settings.rig);
+    if (!rig) return fail(rig.error());
+    options.rig = *rig;
+  }
+  if (!settings.scenario.empty()) {
+    auto scenario = load_scenario(settings.scenario);
+    if (!scenario) return fail(scenario.error());
+    options.scenario = *scenario;
+  }
+  options.profile = settings.profile == "paper" ? Profile::paper : Profile::standard;
+  options.seed = settings.seed;
+  options.timeout_s = settings.timeout_s;
+  options.depth = settings.depth;
+
+  RunRecord record(options);
+  const auto result = run_landing(options, settings.out.empty() ? nullptr : &record);
+  if (!result) return fail(result.error());
+  std::vector<std::string> pictures;
+  if (!settings.out.empty()) {
+    auto saved = record.save(settings.out, *result);
+    if (!saved) return fail(saved.error());
+    pictures = *saved;
+  }
+  if (settings.json) {
+    std::cout << result_json(*result);
+    return {};
+  }
+  print(*result);
+  if (!settings.out.empty()) {
+    std::printf("recorded in   %s\n", settings.out.c_str());
+    for (const std::string& name : pictures) {
+      std::printf("  %s/%s\n", settings.out.c_str(), name.c_str());
+    }
+  }
+  return {};
+}
+
+}  // namespace
+
+void add_land(CLI::App& app, Job& job) {
+  auto settings = std::make_shared<LandSettings>();
+  CLI::App* command = app.add_subcommand("land", "One simulated landing, start to end");
+  command->add_option("--scenario", settings->scenario,
+                      "Scenario file; without one, a calm circle");
+  command->add_option("--rig", settings->rig, "Rig file; without one, the authors' rig");
+  command->add_option("--seed", settings->seed, "Every seed is another world")
+      ->capture_default_str();
+  command->add_option("--profile", settings->profile, "default or paper")
+      ->check(CLI::IsMember({"default", "paper"}))
+      ->capture_default_str();
+  command->add_option("--out", settings->out, "Folder for the record and its pictures");
+  command->add_option("--timeout", settings->timeout_s, "Simulated seconds at most")
+      ->check(CLI::Range(1.0, 3600.0))
+      ->capture_default_str();
+  command->add_flag("--json", settings->json, "Print the result as JSON and nothing else");
+  command->add_flag("!--no-depth", settings->depth, "Do not render depth pictures");
+  command->callback([settings, &job] { job = [settings] { return land(*settings); }; });
+}
