@@ -1,7 +1,10 @@
 #include "alight/run/json_lines.h"
 
+#include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
+
+#include "alight/io/text.h"
 
 namespace alight {
 namespace {
@@ -82,6 +85,38 @@ std::string plan_line(Time t, const PlanResult& plan) {
   j["tried"] = plan.tried;
   j["feasible"] = plan.feasible;
   return j.dump() + "\n";
+}
+
+std::string trace_header() {
+  return "t,state,ref_x,ref_y,ref_z,ref_vx,ref_vy,ref_vz,x,y,z,vx,vy,vz,dx,dy,dz,"
+         "platform_v,platform_w,sent_roll_deg,sent_pitch_deg,sent_yaw_deg,sent_thrust,"
+         "heading_offset_deg,link_delay_ms\n";
+}
+
+std::string trace_line(const Output& out) {
+  const Trace& t = out.trace;
+  const Matrix3 R = out.setpoint.q_IB.toRotationMatrix();
+  std::string line = number_text(seconds(t.t)) + "," + to_string(out.mission.state);
+  const auto add = [&](double value) {
+    line += "," + number_text(std::round(value * 1e6) * 1e-6);
+  };
+  const auto add3 = [&](const Vector3& v) {
+    for (int i = 0; i < 3; ++i) add(v[i]);
+  };
+  add3(t.reference.p_NB);
+  add3(t.reference.v_NB);
+  add3(t.predicted.p_NB);
+  add3(t.predicted.v_NB);
+  add3(t.disturbance_N);
+  add(t.platform.v_IN_N.x());
+  add(t.platform.w_IN_N.z());
+  add(std::atan2(R(2, 1), R(2, 2)) / kDegree);
+  add(-std::asin(std::clamp(R(2, 0), -1.0, 1.0)) / kDegree);
+  add(yaw_of(R) / kDegree);
+  add(out.setpoint.thrust);
+  add(t.heading_offset / kDegree);
+  add(t.link_delay_ms);
+  return line + "\n";
 }
 
 }  // namespace alight

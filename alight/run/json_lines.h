@@ -13,4 +13,8 @@ std::string frame_line(const FrameReport& frame, Time used_t, double us);
 std::string transition_line(const MissionTransition& transition, int attempts);
 std::string plan_line(Time t, const PlanResult& plan);
 
+/// A line of trace.csv, one a step: reference, prediction, disturbance, what was sent.
+std::string trace_header();
+std::string trace_line(const Output& output);
+
 }  // namespace alight

@@ -60,7 +60,7 @@ struct RunRecord::Parts {
   LandingRunOptions options;
   Rig rig_true;
   PoseLog truth, estimate, predicted, reference;
-  std::string frames, events;
+  std::string frames, events, trace;
   RunTracks tracks;
   Image last_picture;
   ShownFrame shown;
@@ -115,6 +115,7 @@ void RunRecord::on_step(const Output& out, const TruthState& truth, double) {
     p.reference.emplace_back(
         trace.t, make_pose(from_rpy(0, 0, trace.reference.yaw), trace.reference.p_NB));
   }
+  p.trace += trace_line(out);
   p.tracks.t.push_back(to_seconds(trace.t));
   p.tracks.X_IN.push_back(truth.platform.X_IN);
   p.tracks.X_NB_true.push_back(truth.X_NB);
@@ -139,6 +140,7 @@ Result<std::vector<std::string>> RunRecord::save(const std::string& folder,
       {"reference.tum", tum_text(p.reference)},
       {"frames.jsonl", p.frames},
       {"events.jsonl", p.events},
+      {"trace.csv", trace_header() + p.trace},
   };
   for (const auto& [name, text] : files) {
     if (auto good = write_file(folder + "/" + name, text); !good) {
