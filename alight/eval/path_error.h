@@ -1,15 +1,10 @@
 #pragma once
-#include <utility>
 #include <vector>
 
 #include "alight/base/result.h"
-#include "alight/base/time.h"
-#include "alight/geometry/pose.h"
+#include "alight/geometry/pose_log.h"
 
 namespace alight {
-
-/// Poses with their times, in order of time. The same type as in alight/io.
-using PoseLog = std::vector<std::pair<Time, Pose>>;
 
 /// An estimate and the truth of the same instant.
 struct PosePair {

@@ -1,16 +1,11 @@
 #pragma once
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "alight/base/result.h"
-#include "alight/base/time.h"
-#include "alight/geometry/pose.h"
+#include "alight/geometry/pose_log.h"
 
 namespace alight {
-
-/// Poses with their times, in order of time. The same type as in alight/eval.
-using PoseLog = std::vector<std::pair<Time, Pose>>;
 
 /// TUM file: `t tx ty tz qx qy qz qw` a line, '#' begins a comment. Quaternions are
 /// normalized; one of norm 0 is an error, as are NaN, a wrong number of fields and time
