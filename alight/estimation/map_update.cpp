@@ -44,7 +44,7 @@ bool linearize(const Camera& camera, const Constellation& leds,
     if (!uv) return false;
     const Vector2 r = m.uv - *uv;
     const Matrix2 W = m.cov.inverse();
-    const double weight = robust_weight(r.dot(W * r), huber_sd, out.cost);
+    const double weight = robust_weight(r.dot(W * r), huber_sd * m.slack, out.cost);
     const Eigen::Matrix<double, 6, 2> HtW = weight * H.transpose() * W;
     out.M.noalias() += HtW * H;
     out.b.noalias() += HtW * r;
@@ -67,10 +67,10 @@ template <int N>
 Result<MapUpdate> solve(const Camera& camera, const Constellation& leds,
                         const PictureMeasurements& measurements,
                         const MapUpdateOptions& options, MotionState& state,
-                        Matrix12& P, LedBias* bias) {
+                        Matrix15& P, LedBias* bias) {
   using MatrixN = Eigen::Matrix<double, N, N>;
   using VectorN = Eigen::Matrix<double, N, 1>;
-  constexpr int kRest = 12 - N;
+  constexpr int kRest = 15 - N;
   using MatrixRestN = Eigen::Matrix<double, kRest, N>;
 
   const MatrixN P_prior = P.topLeftCorner<N, N>();
@@ -145,7 +145,7 @@ Result<MapUpdate> solve(const Camera& camera, const Constellation& leds,
   // The rest follows by regression on what was measured.
   const MatrixRestN G = P.bottomLeftCorner<kRest, N>() * P_inverse;
   const MatrixRestN GJ = G * J;
-  Vector12 change = Vector12::Zero();
+  Vector15 change = Vector15::Zero();
   change.tail<kRest>() = G * e;
   state.x = x;
   state = boxplus(state, change);
@@ -215,7 +215,7 @@ double predicted_depth(const Camera& camera, const Pose& X_NB,
 Result<MapUpdate> map_update(const Camera& camera, const Constellation& leds,
                              const PictureMeasurements& measurements,
                              const MapUpdateOptions& options, MotionState& state,
-                             Matrix12& P, LedBias* bias) {
+                             Matrix15& P, LedBias* bias) {
   return options.velocity_variance > 0
              ? solve<9>(camera, leds, measurements, options, state, P, bias)
              : solve<6>(camera, leds, measurements, options, state, P, bias);

@@ -13,7 +13,10 @@ namespace alight {
 struct PictureMeasurement {
   std::uint16_t leds = 0;
   Vector2 uv = Vector2::Zero();
-  Matrix2 cov = Matrix2::Identity();  ///< px^2, everything included
+  Matrix2 cov = Matrix2::Identity();  ///< px^2, what is drawn anew in each picture
+  /// Standard deviation of the residual, constant errors included, over that by `cov`:
+  /// widens Huber's limit, not the weight.
+  double slack = 1;
   double depth_m = 0;
   double depth_variance = 0;  ///< m^2; 0: no depth
 };
@@ -27,8 +30,8 @@ struct MapUpdateOptions {
   Vector3 v_NB = Vector3::Zero();
 };
 
-/// Bias of the state by each LED's displacement: 12 x 3n.
-using LedBias = Eigen::Matrix<double, 12, Eigen::Dynamic, 0, 12, 3 * kMaxLeds>;
+/// Bias of the state by each LED's displacement: 15 x 3n.
+using LedBias = Eigen::Matrix<double, 15, Eigen::Dynamic, 0, 15, 3 * kMaxLeds>;
 
 struct MapUpdate {
   int iterations = 0;
@@ -51,7 +54,7 @@ struct MapUpdate {
 Result<MapUpdate> map_update(const Camera& camera, const Constellation& leds,
                              const PictureMeasurements& measurements,
                              const MapUpdateOptions& options, MotionState& state,
-                             Matrix12& P, LedBias* bias);
+                             Matrix15& P, LedBias* bias);
 
 /// Depth of an observation's LEDs along the optical axis, mean, m; `J` by the tangent
 /// of X_NB.

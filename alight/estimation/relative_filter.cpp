@@ -33,7 +33,7 @@ bool positive_definite(const Matrix2& m) {
 RelativeFilter::RelativeFilter(const RelativeFilterConfig& config, const Camera& camera,
                                const Constellation& leds)
     : config_(config), camera_(camera), leds_(leds) {
-  led_bias_.setZero(12, 3 * leds.size());
+  led_bias_.setZero(15, 3 * leds.size());
 }
 
 Result<RelativeFilter> RelativeFilter::create(const RelativeFilterConfig& config,
@@ -47,17 +47,21 @@ Result<RelativeFilter> RelativeFilter::create(const RelativeFilterConfig& config
 }
 
 void RelativeFilter::reset(Time t, const RelativeState& x,
-                           const Covariance9& covariance, const Vector3& d_N) {
+                           const Covariance9& covariance, const Vector3& d_N,
+                           const Vector3& b_N) {
   assert(x.p_NB.allFinite() && x.R_NB.allFinite() && x.v_NB.allFinite());
-  assert(covariance.allFinite() && d_N.allFinite());
+  assert(covariance.allFinite() && d_N.allFinite() && b_N.allFinite());
   initialized_ = true;
   time_ = t;
-  state_ = {x, config_.estimate_disturbance ? d_N : Vector3::Zero()};
+  state_ = {x};
   P_.setZero();
   P_.topLeftCorner<9, 9>() = covariance;
   if (config_.estimate_disturbance) {
-    P_.diagonal().tail<3>().setConstant(config_.disturbance_sd *
-                                        config_.disturbance_sd);
+    state_.d_N = d_N;
+    state_.b_N = b_N;
+    const double d_sd = config_.disturbance_sd, b_sd = config_.bias_sd;
+    P_.diagonal().segment<3>(9).setConstant(d_sd * d_sd);
+    P_.diagonal().tail<3>().setConstant(b_sd * b_sd);
   }
   led_bias_.setZero();
   updates_ = 0;
@@ -77,14 +81,14 @@ Result<void> RelativeFilter::predict_to(Time t, const PredictionInput& given) {
   }
 
   const Seconds dt = to_seconds(t - time_);
-  Matrix12 F;
-  const MotionState next = extrapolate(state_, input, dt, config_.model, &F);
+  Matrix15 F;
+  const MotionState next = extrapolate(state_, input, dt, config_.motion(), &F);
   ProcessNoise noise = config_.noise;
-  if (!config_.estimate_disturbance) noise.disturbance = 0;
-  Matrix12 P = F * P_ * F.transpose() + process_covariance(noise, dt);
+  if (!config_.estimate_disturbance) noise.disturbance = noise.bias = 0;
+  Matrix15 P = F * P_ * F.transpose() + process_covariance(noise, dt);
   P.diagonal().head<9>().array() += config_.variance_per_frame * dt / kFrame;
   if (!P.allFinite() || !next.x.p_NB.allFinite() || !next.x.R_NB.allFinite() ||
-      !next.x.v_NB.allFinite() || !next.d_N.allFinite()) {
+      !next.x.v_NB.allFinite() || !next.disturbance_N().allFinite()) {
     return fail(Fault::invalid_input);
   }
   if (P.diagonal().head<3>().maxCoeff() > kLost * kLost) {
@@ -94,7 +98,7 @@ Result<void> RelativeFilter::predict_to(Time t, const PredictionInput& given) {
   state_ = next;
   P_ = 0.5 * (P + P.transpose());
   if (config_.led_position_sd_m > 0) {
-    Eigen::Matrix<double, 12, 3> column;
+    Eigen::Matrix<double, 15, 3> column;
     for (int i = 0; i < leds_.size(); ++i) {
       column.noalias() = F * led_bias_.middleCols<3>(3 * i);
       led_bias_.middleCols<3>(3 * i) = column;
@@ -188,7 +192,7 @@ Result<UpdateReport> RelativeFilter::update(const LedFrame& frame) {
     options.v_NB = measured_v_NB_;
   }
   MotionState next = state_;
-  Matrix12 P = P_;
+  Matrix15 P = P_;
   const auto done = map_update(camera_, leds_, measurements, options, next, P,
                                config_.led_position_sd_m > 0 ? &led_bias_ : nullptr);
   if (!done) return fail(done.error());

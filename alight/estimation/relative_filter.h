@@ -17,17 +17,18 @@ namespace alight {
 ///
 /// Use: reset() from an initialization; then, for each picture, predict_to(frame.t) and
 /// update(frame). To know the state at another time without touching the filter, call
-/// extrapolate(filter.motion_state(), ...).
+/// extrapolate(filter.motion_state(), input, dt, config.motion()).
 class RelativeFilter {
  public:
   /// invalid_config, or too_few_points for a constellation of less than three LEDs.
   static Result<RelativeFilter> create(const RelativeFilterConfig& config,
                                        const Camera& camera, const Constellation& leds);
 
-  /// Begins anew; the disturbance is forgotten unless it is given.
+  /// Begins anew; the disturbances are forgotten unless they are given.
   /// @pre everything finite, R_NB a rotation, covariance positive definite.
   void reset(Time t, const RelativeState& x, const Covariance9& covariance,
-             const Vector3& d_N = Vector3::Zero());
+             const Vector3& d_N = Vector3::Zero(),
+             const Vector3& b_N = Vector3::Zero());
   bool initialized() const { return initialized_; }
 
   /// Forgets the state: initialized() is false until the next reset().
@@ -66,8 +67,8 @@ class RelativeFilter {
   Time time() const { return time_; }
   const RelativeState& state() const { return state_.x; }
   const MotionState& motion_state() const { return state_; }
-  /// Acceleration the inputs do not explain, in N, m/s^2.
-  Vector3 disturbance_N() const { return state_.d_N; }
+  /// Acceleration the inputs do not explain, d + b, in N, m/s^2.
+  Vector3 disturbance_N() const { return state_.disturbance_N(); }
 
   /// Of state() against the truth: the filter's own and the share of the rig's constant
   /// errors (LEDs, mount, focal length), which stays however long one looks.
@@ -97,7 +98,7 @@ class RelativeFilter {
   Time time_ = 0;
   MotionState state_;
   UpdateReport report_;
-  Matrix12 P_ = Matrix12::Zero();
+  Matrix15 P_ = Matrix15::Zero();
   // First-order error of the state by the constant displacement of each LED (3 columns
   // each), carried along as the filter carries errors (Schmidt 1966, consider states).
   LedBias led_bias_;

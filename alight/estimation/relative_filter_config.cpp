@@ -20,7 +20,10 @@ Result<void> RelativeFilterConfig::validate() const {
       {"noise.rate", noise.rate, 0, 100},
       {"noise.acceleration", noise.acceleration, 0, 1000},
       {"noise.disturbance", noise.disturbance, 0, 1000},
+      {"noise.bias", noise.bias, 0, 1000},
+      {"disturbance_memory_s", disturbance_memory_s, 1, 1e6},
       {"disturbance_sd", disturbance_sd, 1e-6, 100},
+      {"bias_sd", bias_sd, 1e-6, 100},
       {"variance_per_frame", variance_per_frame, 0, 100},
       {"pixel_sd_px", pixel_sd_px, 0, 100},
       {"led_position_sd_m", led_position_sd_m, 0, 0.1},
@@ -62,7 +65,7 @@ RelativeFilterConfig RelativeFilterConfig::paper() {
   c.model = ProcessModel::hover;
   c.platform_motion = false;
   c.estimate_disturbance = false;
-  c.noise = {.rate = 0, .acceleration = 0, .disturbance = 0};
+  c.noise = {.rate = 0, .acceleration = 0, .disturbance = 0, .bias = 0};
   c.variance_per_frame = 0.016;
   c.use_observation_cov = false;
   c.pixel_sd_px = std::sqrt(0.008);
@@ -79,7 +82,7 @@ RelativeFilterConfig RelativeFilterConfig::paper() {
 RelativeFilterConfig RelativeFilterConfig::camera_only() {
   RelativeFilterConfig c;
   c.model = ProcessModel::hover;
-  c.noise = {.rate = 0.6, .acceleration = 0.6, .disturbance = 2.0};
+  c.noise = {.rate = 0.6, .acceleration = 0.6, .disturbance = 1.4, .bias = 1.4};
   return c;
 }
 

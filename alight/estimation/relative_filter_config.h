@@ -11,9 +11,11 @@ struct RelativeFilterConfig {
   ProcessModel model = ProcessModel::set_points;
   bool platform_motion = true;  ///< Use PredictionInput::platform; else N is inertial
                                 ///< and gravity (0, 0, -9.81) in N, as in the paper.
-  bool estimate_disturbance = true;  ///< d_N as a state; else it stays zero.
+  bool estimate_disturbance = true;  ///< d_N and b_N as states; else they stay zero.
+  double disturbance_memory_s = 30;  ///< MotionModel::memory_s.
   ProcessNoise noise;
-  double disturbance_sd = 1.5;  ///< d_N at reset, m/s^2.
+  double disturbance_sd = 1.0;  ///< d_N at reset, m/s^2.
+  double bias_sd = 1.2;         ///< b_N at reset, m/s^2.
   /// Added besides `noise`: variance of every component of (p, R, v), m^2, rad^2,
   /// (m/s)^2, per 1/60 s, in proportion to time.
   double variance_per_frame = 0;
@@ -46,6 +48,8 @@ struct RelativeFilterConfig {
   int min_observations = 1;
   double gate_chi2 = 16;  ///< Largest NIS of one observation (2 dof); 0: no gate.
   double huber_sd = 3;    ///< Residuals beyond weigh less; 0: quadratic throughout.
+
+  MotionModel motion() const { return {model, disturbance_memory_s}; }
 
   Result<void> validate() const;
 

@@ -220,7 +220,7 @@ void LandingSystem::Parts::control(const MissionCommand& command, Time now,
       in.state = ahead.x;
       in.response = response.at(t_eff);
       in.autopilot_heading = motion.autopilot_heading;
-      in.d_N = ahead.d_N;
+      in.d_N = ahead.disturbance_N();
       in.reference = mission.maneuver().at(t_eff);
       in.tilt_limit_rad = command.tilt_limit;
       out.setpoint = attitude.step(in, std::max(to_seconds(now - last_now), 1e-3)).setpoint;
@@ -257,7 +257,7 @@ void LandingSystem::step(const Input& input, Output& out, Probe* probe) {
   if (out.trace.estimate_valid) {
     state = p.estimator.carried_to(input.now, p.motion, &out.trace.predicted_cov);
     out.trace.predicted = state.x;
-    out.trace.disturbance_N = state.d_N;
+    out.trace.disturbance_N = state.disturbance_N();
   }
 
   MissionInput in;
@@ -284,9 +284,10 @@ void LandingSystem::step(const Input& input, Output& out, Probe* probe) {
   if (command.lifted) {
     // The ground no longer says what the thrust is worth: at lift-off it equals weight.
     const double thrust = p.response.at(in.seen).thrust_m_s2;
-    Vector3 d_N = -gravity_N(out.trace.platform).normalized() * (kGravity - thrust);
-    p.estimator.restart_disturbance(d_N);
-    state.d_N = d_N;
+    const Vector3 b_N = -gravity_N(out.trace.platform).normalized() * (kGravity - thrust);
+    p.estimator.restart_disturbance(b_N);
+    state.d_N.setZero();
+    state.b_N = b_N;
     p.pid.reset();
     p.attitude.reset();
   }

@@ -190,14 +190,16 @@ void RelativeEstimator::search(const CameraFrame& frame, FrameReport& out, Probe
   x.p_NB = found->fit.X_NB.translation();
   x.R_NB = found->fit.X_NB.linear();
   double velocity_sd = 1.5;
-  Vector3 d_N = Vector3::Zero();
+  Vector3 d_N = Vector3::Zero(), b_N = Vector3::Zero();
   if (filter_.initialized() &&
       (filter_.state().p_NB - x.p_NB).norm() < config_.search_gate_m) {
     x.v_NB = filter_.state().v_NB;
-    d_N = filter_.disturbance_N();
+    d_N = filter_.motion_state().d_N;
+    b_N = filter_.motion_state().b_N;
     velocity_sd = std::max(0.3, 2 * filter_.velocity_sd());
   }
-  filter_.reset(frame.captured, x, covariance_of(found->fit, velocity_sd), d_N);
+  filter_.reset(frame.captured, x, covariance_of(found->fit, velocity_sd), d_N,
+                b_N);
   misses_ = 0;
   out.leds.clear();
   for (const LedObservation& seen : found->frame.seen) out.leds.push_back({seen, 0});
@@ -230,15 +232,16 @@ MotionState RelativeEstimator::carried_on(MotionState from, Time t_from, Time t,
   while (t_from < t) {
     const Time next = std::min(t, t_from + step_);
     from = extrapolate(from, motion.at(t_from, from.x), to_seconds(next - t_from),
-                       config_.filter.model);
+                       config_.filter.motion());
     t_from = next;
   }
   return from;
 }
 
-void RelativeEstimator::restart_disturbance(const Vector3& d_N) {
+void RelativeEstimator::restart_disturbance(const Vector3& b_N) {
   if (!filter_.initialized()) return;
-  filter_.reset(filter_.time(), filter_.state(), filter_.tracking_covariance(), d_N);
+  filter_.reset(filter_.time(), filter_.state(), filter_.tracking_covariance(),
+                Vector3::Zero(), b_N);
 }
 
 }  // namespace alight

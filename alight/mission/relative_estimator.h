@@ -67,8 +67,9 @@ class RelativeEstimator {
   MotionState carried_on(MotionState from, Time t_from, Time t,
                          const MotionSource& motion) const;
 
-  /// The specific force that the model could not know at lift-off, as a disturbance.
-  void restart_disturbance(const Vector3& d_N);
+  /// The specific force that the model could not know at lift-off, as a disturbance
+  /// that turns with N; what was learnt before is forgotten.
+  void restart_disturbance(const Vector3& b_N);
   void forget() { filter_.stop(); }
 
  private:

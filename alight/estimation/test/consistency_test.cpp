@@ -26,6 +26,7 @@ Nees matched_runs(const RelativeFilterConfig& config, int frames, bool use_depth
     Rng rng = Rng(static_cast<std::uint64_t>(run)).fork("matched");
     MotionState truth{flight.state(0)};
     truth.d_N = normal3(rng, config.disturbance_sd);
+    truth.b_N = normal3(rng, config.bias_sd);
     auto filter = RelativeFilter::create(config, rig.camera, rig.leds).value();
     Vector9 off;
     for (int i = 0; i < 9; ++i) {
@@ -36,11 +37,11 @@ Nees matched_runs(const RelativeFilterConfig& config, int frames, bool use_depth
       const Time t = from_seconds(k / 60.0);
       const auto input = flight.input((k - 0.5) / 60);
       const Seconds dt = to_seconds(t - filter.time());
-      const Matrix12 Q = process_covariance(config.noise, dt);
-      Vector12 white;
-      for (int i = 0; i < 12; ++i) white[i] = rng.normal();
-      truth = boxplus(extrapolate(truth, input, dt, config.model),
-                      Vector12(Q.llt().matrixL() * white));
+      const Matrix15 Q = process_covariance(config.noise, dt);
+      Vector15 white;
+      for (int i = 0; i < 15; ++i) white[i] = rng.normal();
+      truth = boxplus(extrapolate(truth, input, dt, config.motion()),
+                      Vector15(Q.llt().matrixL() * white));
       EXPECT_TRUE(filter.predict_to(t, input).has_value());
       auto frame = picture(rig.camera, rig.leds, truth.x.X_NB(), t, 0.2, rng);
       if (use_depth) {
@@ -53,7 +54,7 @@ Nees matched_runs(const RelativeFilterConfig& config, int frames, bool use_depth
       }
       (void)filter.update(frame);
     }
-    Vector12 e = boxminus(filter.motion_state(), truth);
+    Vector15 e = boxminus(filter.motion_state(), truth);
     const Covariance9 P = filter.covariance();
     const Eigen::Matrix<double, 6, 6> P_pose = P.topLeftCorner<6, 6>();
     mean.pose += e.head<6>().dot(P_pose.llt().solve(e.head<6>())) / kRuns;

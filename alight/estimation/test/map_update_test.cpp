@@ -15,10 +15,10 @@ PictureMeasurements measurements_of(const LedFrame& frame) {
   return out;
 }
 
-Matrix12 prior_covariance(Rng& rng) {
-  Matrix12 L = Matrix12::Zero();
-  const double sd[4] = {0.02, 0.05, 0.2, 0.5};
-  for (int i = 0; i < 12; ++i) {
+Matrix15 prior_covariance(Rng& rng) {
+  Matrix15 L = Matrix15::Zero();
+  const double sd[5] = {0.02, 0.05, 0.2, 0.5, 0.4};
+  for (int i = 0; i < 15; ++i) {
     for (int j = 0; j <= i; ++j) {
       L(i, j) = (i == j ? 1 : 0.3 * rng.normal()) * sd[i / 3];
     }
@@ -29,22 +29,22 @@ Matrix12 prior_covariance(Rng& rng) {
 struct Case {
   Rig rig = alan_rig();
   MotionState prior, truth;
-  Matrix12 P;
+  Matrix15 P;
   PictureMeasurements measurements;
 
   explicit Case(std::uint64_t seed) {
     Rng rng(seed);
     prior.x = Flight{}.state(rng.uniform(0, 5));
     P = prior_covariance(rng);
-    Vector12 white;
-    for (int i = 0; i < 12; ++i) white[i] = rng.normal();
-    truth = boxplus(prior, Vector12(P.llt().matrixL() * white));
+    Vector15 white;
+    for (int i = 0; i < 15; ++i) white[i] = rng.normal();
+    truth = boxplus(prior, Vector15(P.llt().matrixL() * white));
     measurements =
         measurements_of(picture(rig.camera, rig.leds, truth.x.X_NB(), 0, 0.3, rng));
   }
 
   double cost(const MotionState& s, const MapUpdateOptions& options) const {
-    const Vector12 e = boxminus(s, prior);
+    const Vector15 e = boxminus(s, prior);
     double sum = e.dot(P.llt().solve(e));
     for (const auto& m : measurements) {
       const Vector2 r =
@@ -63,7 +63,7 @@ struct Case {
   }
 };
 
-// The answer is the minimum over all twelve components, though fewer are iterated.
+// The answer is the minimum over all fifteen components, though fewer are iterated.
 TEST(MapUpdate, FindsTheMinimumOfTheWholeCost) {
   for (const double velocity_variance : {0.0, 0.04}) {
     for (std::uint64_t seed = 0; seed < 30; ++seed) {
@@ -77,16 +77,16 @@ TEST(MapUpdate, FindsTheMinimumOfTheWholeCost) {
                                      .velocity_variance = velocity_variance,
                                      .v_NB = c.truth.x.v_NB};
       MotionState s = c.prior;
-      Matrix12 P = c.P;
+      Matrix15 P = c.P;
       const auto done =
           map_update(c.rig.camera, c.rig.leds, c.measurements, options, s, P, nullptr);
       ASSERT_TRUE(done.has_value());
       EXPECT_TRUE(done->converged);
       const double h = 1e-6;
-      for (int i = 0; i < 12; ++i) {
+      for (int i = 0; i < 15; ++i) {
         const double slope =
-            (c.cost(boxplus(s, Vector12(h * Vector12::Unit(i))), options) -
-             c.cost(boxplus(s, Vector12(-h * Vector12::Unit(i))), options)) /
+            (c.cost(boxplus(s, Vector15(h * Vector15::Unit(i))), options) -
+             c.cost(boxplus(s, Vector15(-h * Vector15::Unit(i))), options)) /
             (2 * h);
         // In units of the posterior's standard deviation.
         EXPECT_NEAR(slope * std::sqrt(P(i, i)), 0, 1e-4) << "component " << i;
@@ -100,21 +100,21 @@ TEST(MapUpdate, CovarianceIsTheInverseInformation) {
   for (std::uint64_t seed = 0; seed < 20; ++seed) {
     const Case c(seed);
     MotionState s = c.prior;
-    Matrix12 P = c.P;
+    Matrix15 P = c.P;
     const MapUpdateOptions options{.max_iterations = 50, .tolerance = 1e-10};
     ASSERT_TRUE(
         map_update(c.rig.camera, c.rig.leds, c.measurements, options, s, P, nullptr)
             .has_value());
-    const Vector12 e = boxminus(s, c.prior);
-    Matrix12 J = Matrix12::Identity();
+    const Vector15 e = boxminus(s, c.prior);
+    Matrix15 J = Matrix15::Identity();
     J.block<3, 3>(3, 3) = so3_right_jacobian_inverse(e.segment<3>(3));
-    Matrix12 A = J.transpose() * c.P.inverse() * J;
+    Matrix15 A = J.transpose() * c.P.inverse() * J;
     for (const auto& m : c.measurements) {
       Matrix26 H;
       (void)project_observation(c.rig.camera, s.x.X_NB(), c.rig.leds, m.leds, &H);
       A.topLeftCorner<6, 6>() += H.transpose() * m.cov.inverse() * H;
     }
-    EXPECT_LT((P * A - Matrix12::Identity()).norm(), 1e-6);
+    EXPECT_LT((P * A - Matrix15::Identity()).norm(), 1e-6);
     EXPECT_EQ(P, P.transpose());
   }
 }
@@ -122,10 +122,10 @@ TEST(MapUpdate, CovarianceIsTheInverseInformation) {
 TEST(MapUpdate, MoreCertaintyNeverLess) {
   const Case c(7);
   MotionState s = c.prior;
-  Matrix12 P = c.P;
+  Matrix15 P = c.P;
   ASSERT_TRUE(map_update(c.rig.camera, c.rig.leds, c.measurements, {}, s, P, nullptr)
                   .has_value());
-  for (int i = 0; i < 12; ++i) EXPECT_LE(P(i, i), 1.05 * c.P(i, i));
+  for (int i = 0; i < 15; ++i) EXPECT_LE(P(i, i), 1.05 * c.P(i, i));
 }
 
 // The predicted response to a displaced LED is the one seen when it is displaced.
@@ -138,9 +138,9 @@ TEST(MapUpdate, LedBiasAgreesWithDifferences) {
   }
   const MapUpdateOptions options{.max_iterations = 50, .tolerance = 1e-12};
   LedBias bias;
-  bias.setZero(12, 3 * c.rig.leds.size());
+  bias.setZero(15, 3 * c.rig.leds.size());
   MotionState s = c.prior;
-  Matrix12 P = c.P;
+  Matrix15 P = c.P;
   ASSERT_TRUE(map_update(c.rig.camera, c.rig.leds, c.measurements, options, s, P, &bias)
                   .has_value());
   const double h = 1e-5;
@@ -156,12 +156,12 @@ TEST(MapUpdate, LedBiasAgreesWithDifferences) {
         if (m.leds == (1u << k)) m.uv += shift;
       }
       MotionState moved = c.prior;
-      Matrix12 P_moved = c.P;
+      Matrix15 P_moved = c.P;
       ASSERT_TRUE(map_update(c.rig.camera, c.rig.leds, measurements, options, moved,
                              P_moved, nullptr)
                       .has_value());
-      const Vector12 seen = boxminus(moved, s) / h;
-      const Vector12 said = bias.col(3 * k + axis);
+      const Vector15 seen = boxminus(moved, s) / h;
+      const Vector15 said = bias.col(3 * k + axis);
       EXPECT_LT((seen - said).norm(), 1e-3 * std::max(1.0, said.norm()));
     }
   }
@@ -178,7 +178,7 @@ TEST(MapUpdate, MergedLedsMeasureTheirMean) {
     if ((m.leds & 0b000110) == 0) merged.push_back(m);
   }
   MotionState s = c.prior;
-  Matrix12 P = c.P;
+  Matrix15 P = c.P;
   ASSERT_TRUE(
       map_update(c.rig.camera, c.rig.leds, merged, {}, s, P, nullptr).has_value());
   EXPECT_LT(boxminus(s.x, c.truth.x).head<3>().norm(),
@@ -187,7 +187,7 @@ TEST(MapUpdate, MergedLedsMeasureTheirMean) {
 
 TEST(MapUpdate, FailureChangesNothing) {
   Case c(2);
-  const Matrix12 P_before = c.P;
+  const Matrix15 P_before = c.P;
   // Behind the lens.
   c.prior.x.p_NB = c.rig.camera.X_NC * Vector3(0, 0, -2);
   MotionState s = c.prior;
@@ -197,7 +197,7 @@ TEST(MapUpdate, FailureChangesNothing) {
   EXPECT_EQ(c.P, P_before);
 
   Case d(2);
-  Matrix12 indefinite = -d.P;
+  Matrix15 indefinite = -d.P;
   EXPECT_FALSE(map_update(d.rig.camera, d.rig.leds, d.measurements, {}, d.prior,
                           indefinite, nullptr)
                    .has_value());

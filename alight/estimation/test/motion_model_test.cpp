@@ -2,10 +2,15 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <limits>
+
 #include "alight/base/rng.h"
 
 namespace alight {
 namespace {
+
+constexpr double kForever = std::numeric_limits<double>::infinity();
 
 Vector3 random3(Rng& rng, double sd) {
   return {rng.normal(0, sd), rng.normal(0, sd), rng.normal(0, sd)};
@@ -25,6 +30,7 @@ PredictionInput random_input(Rng& rng) {
 
 MotionState random_state(Rng& rng) {
   return {{random3(rng, 2), so3_exp(random3(rng, 1)), random3(rng, 1)},
+          random3(rng, 1),
           random3(rng, 1)};
 }
 
@@ -36,13 +42,14 @@ TEST_P(BothModels, JacobianAgreesWithDifferences) {
     const auto u = random_input(rng);
     const auto s = random_state(rng);
     const double dt = rng.uniform(-0.02, 0.1);
-    Matrix12 F;
-    extrapolate(s, u, dt, GetParam(), &F);
+    Matrix15 F;
+    const MotionModel model{GetParam(), trial % 2 == 0 ? 30.0 : 1.0};
+    extrapolate(s, u, dt, model, &F);
     const double h = 1e-5;
-    for (int i = 0; i < 12; ++i) {
-      const Vector12 d = h * Vector12::Unit(i);
-      const Vector12 column = boxminus(extrapolate(boxplus(s, d), u, dt, GetParam()),
-                                       extrapolate(boxplus(s, -d), u, dt, GetParam())) /
+    for (int i = 0; i < 15; ++i) {
+      const Vector15 d = h * Vector15::Unit(i);
+      const Vector15 column = boxminus(extrapolate(boxplus(s, d), u, dt, model),
+                                       extrapolate(boxplus(s, -d), u, dt, model)) /
                               (2 * h);
       EXPECT_LT((column - F.col(i)).norm(), 1e-7) << "column " << i;
     }
@@ -56,11 +63,12 @@ TEST_P(BothModels, OneStepAgreesWithManySmallOnes) {
     u.w_NB_B *= 0.3;
     const auto s = random_state(rng);
     MotionState fine = s;
-    for (int i = 0; i < 1000; ++i) fine = extrapolate(fine, u, 1e-5, GetParam());
-    const Vector12 d = boxminus(extrapolate(s, u, 0.01, GetParam()), fine);
+    for (int i = 0; i < 1000; ++i) fine = extrapolate(fine, u, 1e-5, {GetParam()});
+    const Vector15 d = boxminus(extrapolate(s, u, 0.01, {GetParam()}), fine);
     EXPECT_LT(d.head<3>().norm(), 2e-5);
     EXPECT_LT(d.segment<3>(3).norm(), 1e-9);
     EXPECT_LT(d.segment<3>(6).norm(), 1e-4);
+    EXPECT_LT(d.tail<6>().norm(), 1e-9);
   }
 }
 
@@ -105,29 +113,45 @@ TEST(MotionModel, FreeFallSeenFromACircle) {
 TEST(MotionModel, AtRestWithHoverThrustStaysAtRest) {
   MotionState s;
   s.x.p_NB = {-1, 0.2, 1};
-  const auto next = extrapolate(s, {}, 0.1, ProcessModel::hover);
+  const auto next = extrapolate(s, {}, 0.1, {ProcessModel::hover});
   EXPECT_LT(boxminus(next, s).norm(), 1e-12);
 }
 
 TEST(MotionModel, DisturbanceIsAnAcceleration) {
   PredictionInput u;
   u.f_N = {0, 0, kGravity};
-  const auto x = extrapolate(RelativeState{}, Vector3(1, 0, 0), u, 0.2);
-  EXPECT_NEAR(x.v_NB.x(), 0.2, 1e-12);
-  EXPECT_NEAR(x.p_NB.x(), 0.02, 1e-12);
+  MotionState s;
+  s.d_N = {1, 0, 0};
+  s.b_N = {0, 2, 0};
+  const auto x = extrapolate(s, u, 0.2, {.memory_s = kForever}).x;
+  EXPECT_LT((x.v_NB - Vector3(0.2, 0.4, 0)).norm(), 1e-12);
+  EXPECT_LT((x.p_NB - Vector3(0.02, 0.04, 0)).norm(), 1e-12);
+}
+
+TEST(MotionModel, WindStaysInIAndBiasInN) {
+  PredictionInput u;
+  u.platform.w_IN_N = {0, 0, 0.6};
+  MotionState s;
+  s.d_N = s.b_N = {1, 0.5, -0.3};
+  const MotionState faded = extrapolate(s, u, 0.5);
+  const double kept = std::exp(-0.5 / MotionModel{}.memory_s);
+  EXPECT_LT((from_rpy(0, 0, 0.3) * faded.d_N - kept * s.d_N).norm(), 1e-12);
+  EXPECT_LT((faded.b_N - kept * s.b_N).norm(), 1e-12);
+  const MotionState lasting = extrapolate(s, u, 0.5, {.memory_s = kForever});
+  EXPECT_LT((lasting.b_N - s.b_N).norm(), 1e-12);
 }
 
 // The integral of white noise over T does not depend on how T is split.
 TEST(MotionModel, ProcessCovarianceAddsUpOverSteps) {
-  const ProcessNoise noise;
+  const ProcessNoise noise{.disturbance = 0.9, .bias = 0.4};
   PredictionInput u;
-  Matrix12 F;
-  extrapolate(MotionState{}, u, 0.01, ProcessModel::set_points, &F);
-  Matrix12 P = Matrix12::Zero();
+  Matrix15 F;
+  extrapolate(MotionState{}, u, 0.01, {.memory_s = kForever}, &F);
+  Matrix15 P = Matrix15::Zero();
   for (int i = 0; i < 10; ++i) {
     P = F * P * F.transpose() + process_covariance(noise, 0.01);
   }
-  const Matrix12 whole = process_covariance(noise, 0.1);
+  const Matrix15 whole = process_covariance(noise, 0.1);
   EXPECT_LT((P - whole).norm(), 1e-9 * whole.norm());
 }
 
