@@ -42,8 +42,9 @@ Matrix3 attitude_along(const Vector3& f, double yaw) {
 
 /// Specific force, in N, that the reference needs at its own time.
 Vector3 wished_force_N(const PlatformState& platform, const FlatState& r,
-                       const Vector3& d_N) {
-  return inertial_acceleration_N(platform, r.p_NB, r.v_NB, r.a_NB) - d_N -
+                       const Vector3& d_N, double drag_per_s) {
+  return inertial_acceleration_N(platform, r.p_NB, r.v_NB, r.a_NB) +
+         drag_per_s * inertial_velocity_N(platform, r.p_NB, r.v_NB) - d_N -
          gravity_N(platform);
 }
 
@@ -61,6 +62,7 @@ Result<void> AttitudeControllerConfig::validate() const {
                 {"attitude.kv_z", kv_z, 0.1, 50},
                 {"attitude.ka_z", ka_z, 0, 10},
                 {"attitude.disturbance_lag_s", disturbance_lag_s, 1e-3, 10},
+                {"attitude.drag_per_s", drag_per_s, 0, 5},
                 {"attitude.error_max_m", error_max_m, 0.01, 100},
                 {"attitude.velocity_error_max_m_s", velocity_error_max_m_s, 0.01, 100},
                 {"attitude.disturbance_max_m_s2", disturbance_max_m_s2, 0, 20},
@@ -122,7 +124,7 @@ AttitudeOutput AttitudeController::step(const AttitudeInput& in, Seconds dt) {
   has_d_ = true;
   d_A_ += (d_now - d_A_) * (1 - std::exp(-dt / config_.disturbance_lag_s));
   const Vector3 d_N = R_NA * d_A_;
-  const Vector3 f = wished_force_N(in.platform, r, d_N);
+  const Vector3 f = wished_force_N(in.platform, r, d_N, config_.drag_per_s);
   FlatState later = r;
   later.p_NB += kStep * r.v_NB;
   later.v_NB += kStep * r.a_NB;
@@ -130,8 +132,9 @@ AttitudeOutput AttitudeController::step(const AttitudeInput& in, Seconds dt) {
   // The disturbance is taken as fixed in I, hence turning in N.
   const Vector3 turn = kStep * in.platform.w_IN_N;
   const Matrix3 R_later = so3_exp(turn);
-  const Vector3 f_later = R_later * wished_force_N(predict(in.platform, kStep), later,
-                                                   R_later.transpose() * d_N);
+  const Vector3 f_later =
+      R_later * wished_force_N(predict(in.platform, kStep), later,
+                               R_later.transpose() * d_N, config_.drag_per_s);
   const Vector3 f_rate = (f_later - f) / kStep;
   const Vector3 f_model = R_NA * in.response.f_I();
   const Vector3 f_rate_model = R_NA * in.response.f_rate_I();

@@ -23,6 +23,8 @@ struct AttitudeControllerConfig {
 
   double disturbance_lag_s = 0.4;  ///< Low-pass on d_N before it is countered.
 
+  double drag_per_s = 0.3;  ///< Air resistance by speed over ground, fed forward.
+
   double error_max_m = 0.6;             ///< Position errors act as if no larger,
   double velocity_error_max_m_s = 1.5;  ///< nor velocity errors.
   double disturbance_max_m_s2 = 4;      ///< Bound on what is believed of d_N.
@@ -59,7 +61,7 @@ struct AttitudeOutput {
 /// Attitude and thrust from the estimate, the reference and the motion of the platform
 /// (paper, sec:MP_control: the onboard attitude controller tracks this).
 ///
-///   f   = a_ref_I - d - g,    the specific force that keeps to the reference,
+///   f   = a_ref_I + drag v_ref_I - d - g,    the force that keeps to the reference,
 ///   u   = f + (2 zeta / omega) f' + kp e_p + kv e_v + ka (f - f_m) + kj (f' - f_m')
 ///
 /// u over |u| is body z, its vertical part over the model's cos(tilt) the thrust. d is

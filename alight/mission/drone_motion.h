@@ -9,8 +9,9 @@ namespace alight {
 /// platform's motion, and whether the ground still carries it.
 class DroneMotion final : public MotionSource {
  public:
-  DroneMotion(const DroneResponse& response, const PlatformTracker& platform)
-      : response_(response), platform_(platform) {}
+  DroneMotion(const DroneResponse& response, const PlatformTracker& platform,
+              double drag_per_s)
+      : response_(response), platform_(platform), drag_per_s_(drag_per_s) {}
 
   PredictionInput at(Time t, const RelativeState& x) const override;
 
@@ -20,6 +21,7 @@ class DroneMotion final : public MotionSource {
  private:
   const DroneResponse& response_;
   const PlatformTracker& platform_;
+  double drag_per_s_;
 };
 
 }  // namespace alight

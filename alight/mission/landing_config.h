@@ -1,8 +1,8 @@
 #pragma once
 #include "alight/control/attitude_controller.h"
 #include "alight/control/pid_controller.h"
-#include "alight/mission/mission_config.h"
 #include "alight/mission/link_monitor.h"
+#include "alight/mission/mission_config.h"
 #include "alight/mission/relative_estimator.h"
 #include "alight/platform/platform_tracker.h"
 
@@ -25,9 +25,9 @@ struct LandingConfig {
   AttitudeControllerConfig attitude;
   PidControllerConfig pid;
 
-  double event_age_max_s = 0.5;     ///< Older events are counted and refused.
-  double heading_smoothing = 0.05;  ///< Share of the newest heading difference.
-  double attitude_correction = 0.2; ///< Share of what telemetry says of the attitude.
+  double event_age_max_s = 0.5;      ///< Older events are counted and refused.
+  double heading_smoothing = 0.05;   ///< Share of the newest heading difference.
+  double attitude_correction = 0.2;  ///< Share of what telemetry says of the attitude.
   // The odometry's share in the pose the autopilot is sent.
   double odometry_position_sd_m = 0.02;
   double odometry_rotation_sd_deg = 1;
@@ -36,7 +36,8 @@ struct LandingConfig {
   Result<void> validate() const;
 
   static LandingConfig standard(const Rig& rig);
-  /// The paper's method: its estimator, its PID, its end at 0.14 m with a cut of thrust.
+  /// The paper's method: its estimator, its PID, its end at 0.14 m with a cut of
+  /// thrust.
   static LandingConfig paper(const Rig& rig);
 };
 

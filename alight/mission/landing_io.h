@@ -17,13 +17,14 @@ struct PlanArrival {
   PlanResult result;
 };
 
-using Event = std::variant<CameraFrame, PlatformOdometry, PlatformImu, AutopilotTelemetry,
-                           LinkStatus, PlanArrival, OperatorInput, TruthSample>;
+using Event =
+    std::variant<CameraFrame, PlatformOdometry, PlatformImu, AutopilotTelemetry,
+                 LinkStatus, PlanArrival, OperatorInput, TruthSample>;
 
 /// All that LandingSystem::step may know.
 struct Input {
-  Time now = 0;                  ///< Strictly later than the last step's.
-  std::span<const Event> events; ///< Since the last step, in order of arrival.
+  Time now = 0;                   ///< Strictly later than the last step's.
+  std::span<const Event> events;  ///< Since the last step, in order of arrival.
 };
 
 /// The paper's states, then what it lacks.
@@ -69,10 +70,10 @@ struct LedUse {
 
 /// One camera frame as the estimator used it.
 struct FrameReport {
-  Time t = 0;         ///< Mid-exposure as told by the camera.
+  Time t = 0;  ///< Mid-exposure as told by the camera.
   bool tracked = false;
   bool initialized = false;  ///< Found without a prior in this frame.
-  RelativeState x;    ///< At `t`, from data up to then.
+  RelativeState x;           ///< At `t`, from data up to then.
   Covariance9 cov = Covariance9::Identity();
   FixedVector<LedUse, kMaxLeds> leds;
   FixedVector<RefusedBlob, kMaxRefused> refused;
@@ -87,9 +88,9 @@ struct Trace {
   bool estimate_valid = false;
   RelativeState predicted;  ///< At `t`, as control used it.
   Covariance9 predicted_cov = Covariance9::Identity();
-  FlatState reference;      ///< At `t`.
+  FlatState reference;  ///< At `t`.
   bool reference_valid = false;
-  PlatformState platform;   ///< At `t`, as tracked.
+  PlatformState platform;                   ///< At `t`, as tracked.
   Vector3 disturbance_N = Vector3::Zero();  ///< m/s^2
   double link_delay_ms = 0;
   double heading_offset = 0;  ///< Autopilot's heading minus ours, rad.
@@ -103,7 +104,8 @@ struct Output {
   AutopilotOrder order = AutopilotOrder::none;
   bool has_external_pose = false;
   ExternalPose external_pose;
-  double platform_speed_wish = 1;  ///< Share of the speed the platform drives at, 0 to 1.
+  double platform_speed_wish =
+      1;  ///< Share of the speed the platform drives at, 0 to 1.
   bool has_plan_request = false;
   PlanRequest plan_request;
   MissionStatus mission;

@@ -26,7 +26,7 @@ struct LandingSystem::Parts {
         platform(c.platform),
         link(c.link),
         response(c.response),
-        motion(response, platform),
+        motion(response, platform, c.attitude.drag_per_s),
         mission(c.mission, r),
         attitude(std::move(a)),
         pid(std::move(p)) {}
@@ -67,12 +67,14 @@ LandingSystem::LandingSystem(LandingSystem&&) noexcept = default;
 LandingSystem& LandingSystem::operator=(LandingSystem&&) noexcept = default;
 LandingSystem::~LandingSystem() = default;
 
-Result<LandingSystem> LandingSystem::create(const LandingConfig& config, const Rig& rig) {
+Result<LandingSystem> LandingSystem::create(const LandingConfig& config,
+                                            const Rig& rig) {
   if (auto good = rig.validate(); !good) return fail(good.error());
   if (auto good = config.validate(); !good) return fail(good.error());
   auto estimator = RelativeEstimator::create(config.estimator, rig);
   if (!estimator) return fail(estimator.error());
-  auto attitude = AttitudeController::create(config.attitude, config.response, rig.drone);
+  auto attitude =
+      AttitudeController::create(config.attitude, config.response, rig.drone);
   if (!attitude) return fail(attitude.error());
   auto pid = PidController::create(config.pid);
   if (!pid) return fail(pid.error());
@@ -86,13 +88,14 @@ void LandingSystem::Parts::learn_heading(const AutopilotTelemetry& t) {
                       yaw_of(estimator.filter().state().R_NB);
   const double theirs = yaw_of(t.q_IB.toRotationMatrix());
   const double difference = wrap_angle(theirs - ours - motion.autopilot_heading);
-  motion.autopilot_heading = wrap_angle(
-      motion.autopilot_heading +
-      (heading_known ? config.heading_smoothing * difference : difference));
+  motion.autopilot_heading =
+      wrap_angle(motion.autopilot_heading +
+                 (heading_known ? config.heading_smoothing * difference : difference));
   heading_known = true;
 }
 
-void LandingSystem::Parts::take(const Event& event, Time now, Output& out, Probe* probe) {
+void LandingSystem::Parts::take(const Event& event, Time now, Output& out,
+                                Probe* probe) {
   const auto timely = [&](Time captured) {
     return to_seconds(now - captured) <= config.event_age_max_s &&
            captured <= now + kFuture;
@@ -100,8 +103,7 @@ void LandingSystem::Parts::take(const Event& event, Time now, Output& out, Probe
   bool good = true;
   if (const auto* frame = std::get_if<CameraFrame>(&event)) {
     FrameReport report;
-    good = timely(frame->captured) &&
-           estimator.fuse(*frame, motion, report, probe);
+    good = timely(frame->captured) && estimator.fuse(*frame, motion, report, probe);
     if (good) {
       if (report.tracked) {
         x_seen = report.x;
@@ -175,11 +177,13 @@ Setpoint LandingSystem::Parts::resting_setpoint(const PlatformState& at,
     return setpoint;
   }
   // Thrust along the force that keeps it where it stands while the platform drives.
-  const Vector3 f_A = R_AI * R_IN *
-                      (inertial_acceleration_N(at, p, Vector3::Zero(), Vector3::Zero()) -
-                       gravity_N(at));
+  const Vector3 f_A =
+      R_AI * R_IN *
+      (inertial_acceleration_N(at, p, Vector3::Zero(), Vector3::Zero()) -
+       gravity_N(at));
   const Vector3 z = f_A.normalized();
-  const Vector3 y = z.cross(Vector3(std::cos(heading), std::sin(heading), 0)).normalized();
+  const Vector3 y =
+      z.cross(Vector3(std::cos(heading), std::sin(heading), 0)).normalized();
   Matrix3 R;
   R << y.cross(z), y, z;
   setpoint.kind = Setpoint::Kind::attitude;
@@ -190,8 +194,7 @@ Setpoint LandingSystem::Parts::resting_setpoint(const PlatformState& at,
 
 void LandingSystem::Parts::control(const MissionCommand& command, Time now,
                                    const MotionState& state, Output& out) {
-  const Time t_eff =
-      now + link.delay() + from_seconds(config.response.delay_ms * 1e-3);
+  const Time t_eff = now + link.delay() + from_seconds(config.response.delay_ms * 1e-3);
   response.advance(t_eff);
   const PlatformState platform_eff = platform.at(t_eff);
   switch (command.mode) {
@@ -208,10 +211,10 @@ void LandingSystem::Parts::control(const MissionCommand& command, Time now,
     }
     case MissionCommand::Mode::track: {
       if (config.interface == ControlInterface::velocity) {
-        out.setpoint =
-            pid.step(platform.at(now), state.x, mission.maneuver().at(now),
-                     std::max(to_seconds(now - last_now), 1e-3), motion.autopilot_heading)
-                .setpoint;
+        out.setpoint = pid.step(platform.at(now), state.x, mission.maneuver().at(now),
+                                std::max(to_seconds(now - last_now), 1e-3),
+                                motion.autopilot_heading)
+                           .setpoint;
         break;
       }
       AttitudeInput in;
@@ -223,7 +226,8 @@ void LandingSystem::Parts::control(const MissionCommand& command, Time now,
       in.d_N = ahead.disturbance_N();
       in.reference = mission.maneuver().at(t_eff);
       in.tilt_limit_rad = command.tilt_limit;
-      out.setpoint = attitude.step(in, std::max(to_seconds(now - last_now), 1e-3)).setpoint;
+      out.setpoint =
+          attitude.step(in, std::max(to_seconds(now - last_now), 1e-3)).setpoint;
       break;
     }
   }
@@ -283,8 +287,10 @@ void LandingSystem::step(const Input& input, Output& out, Probe* probe) {
   p.motion.on_ground = command.on_ground;
   if (command.lifted) {
     // The ground no longer says what the thrust is worth: at lift-off it equals weight.
-    const double thrust = p.response.at(in.seen).thrust_m_s2;
-    const Vector3 b_N = -gravity_N(out.trace.platform).normalized() * (kGravity - thrust);
+    const double thrust =
+        p.response.at(in.seen - from_seconds(command.lifted_since)).thrust_m_s2;
+    const Vector3 b_N =
+        -gravity_N(out.trace.platform).normalized() * (kGravity - thrust);
     p.estimator.restart_disturbance(b_N);
     state.d_N.setZero();
     state.b_N = b_N;

@@ -7,12 +7,12 @@
 namespace alight {
 
 struct LinkMonitorConfig {
-  double delay_ms = 40;           ///< One way, until it has been measured.
-  double delay_max_ms = 150;      ///< Longer measurements count as this.
-  double smoothing = 0.1;         ///< Share of the newest measurement.
-  double tilt_shrinks_after_s = 0.2;  ///< Silence after which the tilt that may be
-  double tilt_smallest_after_s = 0.5; ///< commanded shrinks, and when it is smallest,
-  double tilt_smallest_deg = 3;       ///< so that what is held then does little harm.
+  double delay_ms = 40;                ///< One way, until it has been measured.
+  double delay_max_ms = 150;           ///< Longer measurements count as this.
+  double smoothing = 0.1;              ///< Share of the newest measurement.
+  double tilt_shrinks_after_s = 0.2;   ///< Silence after which the tilt that may be
+  double tilt_smallest_after_s = 0.5;  ///< commanded shrinks, and when it is smallest,
+  double tilt_smallest_deg = 3;        ///< so that what is held then does little harm.
   double lost_after_s = 1.0;
 };
 
@@ -36,7 +36,9 @@ class LinkMonitor {
   }
 
   bool ever_heard() const { return ever_; }
-  Seconds silence(Time now) const { return ever_ ? to_seconds(now - last_heard_) : 1e9; }
+  Seconds silence(Time now) const {
+    return ever_ ? to_seconds(now - last_heard_) : 1e9;
+  }
   bool lost(Time now) const { return silence(now) > config_.lost_after_s; }
   bool healthy(Time now) const { return silence(now) < config_.tilt_shrinks_after_s; }
   double delay_ms() const { return delay_ms_; }

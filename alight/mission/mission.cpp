@@ -10,6 +10,8 @@ namespace {
 constexpr Seconds kOrderEvery = 0.1;
 // Longer than any gap that a healthy camera and radio leave.
 constexpr Seconds kFreshSight = 0.15;
+// m within touch_settled_s: a third of what a landing sinks in that time.
+constexpr double kStillSinking = 0.005;
 
 double horizontal(const Vector3& v) { return v.head<2>().norm(); }
 
@@ -109,8 +111,8 @@ bool Mission::overruled(const MissionInput& in, Output& out) {
     return true;
   }
   if (in.link->lost(in.now)) {
-    go(MissionState::lost_link, "nothing heard from the drone: its autopilot acts alone",
-       in, out);
+    go(MissionState::lost_link,
+       "nothing heard from the drone: its autopilot acts alone", in, out);
     return true;
   }
   if (in.mode == AutopilotMode::land || in.mode == AutopilotMode::failsafe) {
@@ -186,9 +188,9 @@ MissionCommand Mission::step(const MissionInput& in, Output& out) {
       break;
   }
   // A platform that can wait does so until it can be followed.
-  const bool on_its_way =
-      status_.state == MissionState::idle || status_.state == MissionState::armed ||
-      status_.state == MissionState::taken_off;
+  const bool on_its_way = status_.state == MissionState::idle ||
+                          status_.state == MissionState::armed ||
+                          status_.state == MissionState::taken_off;
   c.platform_speed_wish = config_.start_on_floor && on_its_way ? 0 : 1;
   c.on_ground = !airborne_;
   out.mission = status_;
@@ -265,9 +267,9 @@ void Mission::taken_off(const MissionInput& in, Command& c, Output& out) {
   }
 
   c.mode = Command::Mode::ramp;
-  const double rate = config_.start_on_floor ? 0.55 * config_.ramp_rate : config_.ramp_rate;
-  c.ramp_share =
-      std::min(config_.ramp_from + rate * in_state(in), config_.ramp_to);
+  const double rate =
+      config_.start_on_floor ? config_.blind_ramp_rate : config_.ramp_rate;
+  c.ramp_share = std::min(config_.ramp_from + rate * in_state(in), config_.ramp_to);
   const Seconds limit =
       config_.start_on_floor ? config_.blind_max_s : config_.ramp_timeout_s;
   if (in.wish == OperatorWish::abort || in.link->lost(in.now) || !in.armed ||
@@ -282,12 +284,15 @@ void Mission::taken_off(const MissionInput& in, Command& c, Output& out) {
        in, out);
     return;
   }
-  const bool lifted =
-      fresh && (config_.start_on_floor ||
-                in.x_seen.p_NB.z() - p_rest_.z() > config_.lift_m);
+  const bool lifted = fresh && (config_.start_on_floor ||
+                                in.x_seen.p_NB.z() - p_rest_.z() > config_.lift_m);
   if (!lifted) return;
   airborne_ = true;
   c.lifted = true;
+  // Thrust grows evenly, so the rise goes with the third power of time.
+  c.lifted_since = config_.start_on_floor
+                       ? 0
+                       : std::cbrt(6 * config_.lift_m / (config_.ramp_rate * kGravity));
   c.mode = Command::Mode::track;
   FlatState from;
   from.p_NB = in.x.p_NB;
@@ -367,8 +372,8 @@ void Mission::rendezvous(const MissionInput& in, Output& out) {
   if (plan_tries_ > 0 && !waited) return;
   if (plan_tries_ >= config_.plan_tries) {
     ++status_.attempts;
-    go(MissionState::follow, plan_pending_ ? "the planner does not answer" : plan_trouble_,
-       in, out);
+    go(MissionState::follow,
+       plan_pending_ ? "the planner does not answer" : plan_trouble_, in, out);
     return;
   }
   request_plan(in, out);
@@ -384,7 +389,7 @@ bool Mission::touched_down(const MissionInput& in) {
     return false;
   }
   // Still sinking, if slowly: not yet.
-  if (!low_ || z < low_z_ - 0.006) {
+  if (!low_ || z < low_z_ - kStillSinking) {
     low_ = true;
     low_since_ = in.now;
     low_z_ = z;
@@ -450,7 +455,8 @@ void Mission::lost_target(const MissionInput& in, Output& out) {
   if (to_seconds(in.now - in.seen) < kFreshSight) {
     go(MissionState::go_around, "the LEDs are in sight again", in, out);
   } else if (in_state(in) > config_.give_up_s || !in.estimate_valid) {
-    go(MissionState::aborted, "the LEDs stay out of sight: the autopilot lands", in, out);
+    go(MissionState::aborted, "the LEDs stay out of sight: the autopilot lands", in,
+       out);
   }
 }
 

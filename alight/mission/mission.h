@@ -41,8 +41,9 @@ struct MissionCommand {
   double tilt_limit = 0;  ///< rad
   AutopilotOrder order = AutopilotOrder::none;
   double platform_speed_wish = 1;
-  bool on_ground = true;  ///< The ground carries the drone: thrust does not move it.
-  bool lifted = false;    ///< In this step it left the ground.
+  bool on_ground = true;     ///< The ground carries the drone: thrust does not move it.
+  bool lifted = false;       ///< In this step it was seen to have left the ground,
+  Seconds lifted_since = 0;  ///< which it did this long before the picture.
 };
 
 /// The mission's state machine (paper, fig:fsm, and what it lacks). Decides where to
@@ -84,7 +85,7 @@ class Mission {
   double tilt_max_;
   MissionStatus status_;
   Maneuver maneuver_;
-  bool wanted_ = false;   // the operator said go
+  bool wanted_ = false;  // the operator said go
   bool airborne_ = false;
   Vector3 p_rest_ = Vector3::Zero();  // where it stood before take-off
 

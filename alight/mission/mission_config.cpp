@@ -14,8 +14,8 @@ constexpr double kBorderPx = 40;
 
 bool in_view(const Rig& rig, const Vector3& p_NB) {
   for (int i = 0; i < rig.leds.size(); ++i) {
-    const auto uv = project_led(rig.camera, make_pose(Matrix3::Identity(), p_NB),
-                                rig.leds.p_BL(i));
+    const auto uv =
+        project_led(rig.camera, make_pose(Matrix3::Identity(), p_NB), rig.leds.p_BL(i));
     if (!uv || !rig.camera.intrinsics.contains(*uv, kBorderPx)) return false;
   }
   return true;
@@ -44,9 +44,9 @@ Result<void> MissionConfig::validate() const {
   for (const auto& b : bounds) {
     if (!(b.value >= b.low && b.value <= b.high)) {
       return fail(Fault::invalid_config, std::string("mission.") + b.name + " is " +
-                                             std::to_string(b.value) + ", must lie in [" +
-                                             std::to_string(b.low) + ", " +
-                                             std::to_string(b.high) + "]");
+                                             std::to_string(b.value) +
+                                             ", must lie in [" + std::to_string(b.low) +
+                                             ", " + std::to_string(b.high) + "]");
     }
   }
   if (!follow_point.allFinite() || !rendezvous_point.allFinite()) {

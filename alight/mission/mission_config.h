@@ -11,42 +11,42 @@ namespace alight {
 struct MissionConfig {
   Vector3 follow_point = Vector3::Zero();
   Vector3 rendezvous_point = Vector3::Zero();
-  double take_off_height_m = 0;     ///< First stop above the pad.
-  bool start_on_floor = false;      ///< The first climb is blind.
+  double take_off_height_m = 0;  ///< First stop above the pad.
+  bool start_on_floor = false;   ///< The first climb is blind.
 
   double climb_speed_m_s = 0.6;
   double move_speed_m_s = 0.9;
   double move_acceleration_m_s2 = 1.2;
-  double settle_s = 0.6;            ///< On the spot this long before going on,
-  double settle_error_m = 0.12;     ///< this near to the reference,
-  double settle_speed_m_s = 0.35;   ///< and no faster against it.
+  double settle_s = 0.6;           ///< On the spot this long before going on,
+  double settle_error_m = 0.12;    ///< this near to the reference,
+  double settle_speed_m_s = 0.35;  ///< and no faster against it.
 
-  double plan_ahead_s = 0.12;       ///< From request to the start of the trajectory.
+  double plan_ahead_s = 0.12;  ///< From request to the start of the trajectory.
   double plan_retry_s = 0.25;
-  int plan_tries = 8;               ///< Then back to follow.
-  int attempts_max = 5;             ///< Landings begun; then the drone holds.
+  int plan_tries = 8;    ///< Then back to follow.
+  int attempts_max = 5;  ///< Landings begun; then the drone holds.
 
-  double commit_height_m = 0.22;    ///< Below, landing is the safe choice.
-  double commit_error_m = 0.10;     ///< Horizontal error at which commit is refused.
+  double commit_height_m = 0.22;  ///< Below, landing is the safe choice.
+  double commit_error_m = 0.10;   ///< Horizontal error at which commit is refused.
   double go_around_error_m = 0.35;
-  double sight_lost_s = 0.25;       ///< Without a tracked frame: lost target.
-  double give_up_s = 2.0;           ///< Lost target this long: the autopilot lands.
-  double sink_m = 0.08;             ///< How far below touch-down the reference goes.
-  double touch_height_m = 0.03;     ///< Above gear height: may stand on the pad.
-  double touch_settled_s = 0.12;
-  double landing_overtime_s = 4;    ///< Past the trajectory's end: go around.
-  double cut_height_m = 0;          ///< paper: motors are cut at the trajectory's end.
+  double sight_lost_s = 0.25;     ///< Without a tracked frame: lost target.
+  double give_up_s = 2.0;         ///< Lost target this long: the autopilot lands.
+  double sink_m = 0.08;           ///< How far below touch-down the reference goes.
+  double touch_height_m = 0.03;   ///< Above gear height: may stand on the pad.
+  double touch_settled_s = 0.06;  ///< Not sinking for this long: it stands.
+  double landing_overtime_s = 4;  ///< Past the trajectory's end: go around.
+  double cut_height_m = 0;        ///< paper: motors are cut at the trajectory's end.
 
-  double ready_timeout_s = 8;       ///< For sight, link and platform before arming.
+  double ready_timeout_s = 8;  ///< For sight, link and platform before arming.
   double arm_timeout_s = 4;
-  double ramp_from = 0.55;          ///< Thrust at take-off, share of the nominal hover,
-  double ramp_rate = 0.45;          ///< its growth, 1/s,
-  double ramp_to = 1.6;             ///< and its end.
+  double ramp_from = 0.55;  ///< Thrust at take-off, share of the nominal hover,
+  double ramp_rate = 1.4;   ///< its growth, 1/s,
+  double ramp_to = 1.6;     ///< and its end.
   double ramp_timeout_s = 4;
-  double lift_m = 0.015;            ///< Rise by which the drone has left the ground.
-  double blind_max_s = 4;           ///< From the floor: sight must come by then.
-  double blind_climb_s = 1.2;       ///< Blind climb after the ramp has lifted nominally.
-  double battery_min = 0.15;        ///< Share; below, a start is refused.
+  double lift_m = 0.015;       ///< Rise by which the drone has left the ground.
+  double blind_max_s = 4;      ///< From the floor: sight must come by then.
+  double blind_ramp_rate = 0.25;  ///< As ramp_rate, from the floor: sight comes late.
+  double battery_min = 0.15;   ///< Share; below, a start is refused.
 
   Result<void> validate() const;
 };

@@ -28,8 +28,9 @@ Result<void> RelativeEstimatorConfig::validate() const {
     return fail(Fault::invalid_config, "misses_before_search must be at least 1");
   }
   if (!(forget_after_s > 0 && reprojection_max_px > 0 && search_gate_m >= 0)) {
-    return fail(Fault::invalid_config,
-                "forget_after_s, reprojection_max_px and search_gate_m must be positive");
+    return fail(
+        Fault::invalid_config,
+        "forget_after_s, reprojection_max_px and search_gate_m must be positive");
   }
   return {};
 }
@@ -67,8 +68,8 @@ RelativeEstimator::RelativeEstimator(const RelativeEstimatorConfig& config,
       tracker_(std::move(tracker)),
       filter_(std::move(filter)) {}
 
-Result<RelativeEstimator> RelativeEstimator::create(const RelativeEstimatorConfig& config,
-                                                    const Rig& rig) {
+Result<RelativeEstimator> RelativeEstimator::create(
+    const RelativeEstimatorConfig& config, const Rig& rig) {
   if (auto good = rig.validate(); !good) return fail(good.error());
   if (auto good = config.validate(); !good) return fail(good.error());
   auto detector = BlobDetector::create(config.blobs, rig.camera.intrinsics.width,
@@ -94,10 +95,8 @@ bool RelativeEstimator::fuse(const CameraFrame& frame, const MotionSource& motio
   }
   if (filter_.initialized()) {
     const ProbeScope scope(probe, Stage::filter);
-    const auto done =
-        filter_.predict_through(frame.captured, step_, [&](Time t) {
-          return motion.at(t, filter_.state());
-        });
+    const auto done = filter_.predict_through(
+        frame.captured, step_, [&](Time t) { return motion.at(t, filter_.state()); });
     if (!done || to_seconds(frame.captured - last_sight_) > config_.forget_after_s) {
       filter_.stop();
     }
@@ -118,7 +117,8 @@ bool RelativeEstimator::fuse(const CameraFrame& frame, const MotionSource& motio
   return true;
 }
 
-bool RelativeEstimator::follow(const CameraFrame& frame, FrameReport& out, Probe* probe) {
+bool RelativeEstimator::follow(const CameraFrame& frame, FrameReport& out,
+                               Probe* probe) {
   const Pose X_NB = filter_.state().X_NB();
   const Matrix6 cov = filter_.tracking_covariance().topLeftCorner<6, 6>();
   const Roi roi = tracker_.roi(X_NB, cov);
@@ -159,12 +159,14 @@ bool RelativeEstimator::follow(const CameraFrame& frame, FrameReport& out, Probe
   for (const RefusedBlob& refused : report->refused) out.refused.push_back(refused);
   out.reprojection_px = report->reprojection_px;
   // Fewer than three directions leave the pose to the prediction.
-  out.tracked = report->used >= 3 && report->reprojection_px < config_.reprojection_max_px;
+  out.tracked =
+      report->used >= 3 && report->reprojection_px < config_.reprojection_max_px;
   if (!out.tracked) out.why_not = "too few LEDs fit";
   return out.tracked;
 }
 
-void RelativeEstimator::search(const CameraFrame& frame, FrameReport& out, Probe* probe) {
+void RelativeEstimator::search(const CameraFrame& frame, FrameReport& out,
+                               Probe* probe) {
   Result<BlobSpan> blobs = fail(Fault::invalid_input);
   {
     const ProbeScope scope(probe, Stage::detect);
@@ -198,8 +200,7 @@ void RelativeEstimator::search(const CameraFrame& frame, FrameReport& out, Probe
     b_N = filter_.motion_state().b_N;
     velocity_sd = std::max(0.3, 2 * filter_.velocity_sd());
   }
-  filter_.reset(frame.captured, x, covariance_of(found->fit, velocity_sd), d_N,
-                b_N);
+  filter_.reset(frame.captured, x, covariance_of(found->fit, velocity_sd), d_N, b_N);
   misses_ = 0;
   out.leds.clear();
   for (const LedObservation& seen : found->frame.seen) out.leds.push_back({seen, 0});

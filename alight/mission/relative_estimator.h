@@ -12,13 +12,13 @@ struct RelativeEstimatorConfig {
   LedFinderConfig finder;
   LedTrackerConfig tracker;
   RelativeFilterConfig filter;
-  double prediction_step_ms = 5;  ///< Inputs are held this long.
-  int misses_before_search = 3;   ///< Frames without a match before the whole picture
-                                  ///< is searched.
-  double forget_after_s = 2;      ///< Prediction alone is believed this long.
-  double reprojection_max_px = 4; ///< A worse fit counts as a miss.
-  double search_gate_m = 0.5;     ///< A search's answer this near to the prediction
-                                  ///< keeps the predicted velocity.
+  double prediction_step_ms = 5;   ///< Inputs are held this long.
+  int misses_before_search = 3;    ///< Frames without a match before the whole picture
+                                   ///< is searched.
+  double forget_after_s = 2;       ///< Prediction alone is believed this long.
+  double reprojection_max_px = 4;  ///< A worse fit counts as a miss.
+  double search_gate_m = 0.5;      ///< A search's answer this near to the prediction
+                                   ///< keeps the predicted velocity.
 
   Result<void> validate() const;
   static RelativeEstimatorConfig paper();
