@@ -49,6 +49,8 @@ struct LandingSystem::Parts {
   AutopilotTelemetry telemetry;
   bool heading_known = false;
   RelativeState x_seen;
+  Setpoint last_track;            // what `track` sent last,
+  double last_track_heading = 0;  // and the platform's heading then
 
   // Of the step under way.
   OperatorWish wish = OperatorWish::none;
@@ -207,6 +209,14 @@ void LandingSystem::Parts::control(const MissionCommand& command, Time now,
                                 ? std::min(command.ramp_share * hover, 1.0)
                                 : 0.0;
       out.setpoint = resting_setpoint(platform_eff, thrust);
+      break;
+    }
+    case MissionCommand::Mode::settle: {
+      out.setpoint = last_track;
+      const double turned = yaw_of(platform.at(now).X_IN.linear()) - last_track_heading;
+      out.setpoint.q_IB = Eigen::AngleAxisd(turned, Vector3::UnitZ()) * last_track.q_IB;
+      out.setpoint.thrust *= command.ramp_share;
+      if (config.interface == ControlInterface::velocity) out.setpoint.v_IB.z() = -0.5;
       break;
     }
     case MissionCommand::Mode::track: {

@@ -182,7 +182,7 @@ MissionCommand Mission::step(const MissionInput& in, Output& out) {
     case MissionState::rendezvous:
     case MissionState::land:
     case MissionState::lost_target:
-      c.mode = Command::Mode::track;
+      if (c.mode == Command::Mode::silent) c.mode = Command::Mode::track;
       break;
     default:
       break;
@@ -364,6 +364,7 @@ void Mission::rendezvous(const MissionInput& in, Output& out) {
       go(MissionState::land, "the landing is planned", in, out);
       maneuver_ = Maneuver::landing(plan.trajectory, plan.start, config_.sink_m);
       committed_ = false;
+      settling_down_ = false;
       return;
     }
   }
@@ -379,14 +380,18 @@ void Mission::rendezvous(const MissionInput& in, Output& out) {
   request_plan(in, out);
 }
 
+bool Mission::may_touch(const MissionInput& in) const {
+  return committed_ && in.x_seen.p_NB.z() < gear_height_ + config_.touch_height_m &&
+         maneuver_.at(in.now).p_NB.z() <= gear_height_;
+}
+
 bool Mission::touched_down(const MissionInput& in) {
-  const FlatState ref = maneuver_.at(in.now);
   const double z = in.x_seen.p_NB.z();
-  const bool may_stand = z < gear_height_ + config_.touch_height_m &&
-                         ref.p_NB.z() < gear_height_ - 0.3 * config_.sink_m;
-  if (!may_stand) {
+  if (!settling_down_) {
+    if (!may_touch(in)) return false;
+    settling_down_ = true;
+    settle_since_ = in.now;
     low_ = false;
-    return false;
   }
   // Still sinking, if slowly: not yet.
   if (!low_ || z < low_z_ - kStillSinking) {
@@ -394,7 +399,8 @@ bool Mission::touched_down(const MissionInput& in) {
     low_since_ = in.now;
     low_z_ = z;
   }
-  return to_seconds(in.now - low_since_) >= config_.touch_settled_s;
+  return to_seconds(in.now - low_since_) >= config_.touch_settled_s ||
+         to_seconds(in.now - settle_since_) >= config_.settle_down_s;
 }
 
 void Mission::land(const MissionInput& in, Command& c, Output& out) {
@@ -411,6 +417,12 @@ void Mission::land(const MissionInput& in, Command& c, Output& out) {
   }
   if (touched_down(in)) {
     go(MissionState::shut_down, "stands on the pad", in, out);
+    return;
+  }
+  if (settling_down_) {
+    c.mode = Command::Mode::settle;
+    c.ramp_share =
+        std::max(0.0, 1 - to_seconds(in.now - settle_since_) / config_.settle_down_s);
     return;
   }
   if (!committed_) {

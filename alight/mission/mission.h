@@ -34,10 +34,12 @@ struct MissionCommand {
     silent,  ///< Nothing is sent.
     idle,    ///< Attitude level with the platform, no thrust.
     ramp,    ///< Level, thrust as told: the drone leaves the ground.
-    track    ///< Feedback on the maneuver.
+    track,   ///< Feedback on the maneuver.
+    settle   ///< Touching down: the last attitude, turning with the platform, and a
+             ///< share of the last thrust. Feedback would fight the pad's friction.
   };
   Mode mode = Mode::silent;
-  double ramp_share = 0;  ///< Of the nominal hover thrust.
+  double ramp_share = 0;  ///< ramp: of the nominal hover thrust; settle: of the last.
   double tilt_limit = 0;  ///< rad
   AutopilotOrder order = AutopilotOrder::none;
   double platform_speed_wish = 1;
@@ -78,6 +80,7 @@ class Mission {
   void lost_target(const MissionInput& in, Output& out);
   void lost_link(const MissionInput& in, Command& c, Output& out);
   void aborted(const MissionInput& in, Command& c, Output& out);
+  bool may_touch(const MissionInput& in) const;
   bool touched_down(const MissionInput& in);
 
   MissionConfig config_;
@@ -103,6 +106,8 @@ class Mission {
   bool low_ = false;
   Time low_since_ = 0;
   double low_z_ = 0;
+  bool settling_down_ = false;
+  Time settle_since_ = 0;
 };
 
 }  // namespace alight

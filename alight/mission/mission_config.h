@@ -33,6 +33,7 @@ struct MissionConfig {
   double give_up_s = 2.0;         ///< Lost target this long: the autopilot lands.
   double sink_m = 0.08;           ///< How far below touch-down the reference goes.
   double touch_height_m = 0.03;   ///< Above gear height: may stand on the pad.
+  double settle_down_s = 0.5;     ///< In which thrust then goes to nothing.
   double touch_settled_s = 0.06;  ///< Not sinking for this long: it stands.
   double landing_overtime_s = 4;  ///< Past the trajectory's end: go around.
   double cut_height_m = 0;        ///< paper: motors are cut at the trajectory's end.
@@ -43,10 +44,10 @@ struct MissionConfig {
   double ramp_rate = 1.4;   ///< its growth, 1/s,
   double ramp_to = 1.6;     ///< and its end.
   double ramp_timeout_s = 4;
-  double lift_m = 0.015;       ///< Rise by which the drone has left the ground.
-  double blind_max_s = 4;      ///< From the floor: sight must come by then.
+  double lift_m = 0.015;          ///< Rise by which the drone has left the ground.
+  double blind_max_s = 4;         ///< From the floor: sight must come by then.
   double blind_ramp_rate = 0.25;  ///< As ramp_rate, from the floor: sight comes late.
-  double battery_min = 0.15;   ///< Share; below, a start is refused.
+  double battery_min = 0.15;      ///< Share; below, a start is refused.
 
   Result<void> validate() const;
 };
