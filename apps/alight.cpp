@@ -30,6 +30,8 @@ int main(int argc, char** argv) {
 
   Job job;
   add_land(app, job);
+  add_campaign(app, job);
+  add_track(app, job);
   add_detect(app, job);
   add_plan(app, job);
   add_eval(app, job);

@@ -11,6 +11,8 @@ using Job = std::function<alight::Result<void>()>;
 
 /// Each adds one command to the program and sets `job` when it is the one chosen.
 void add_eval(CLI::App& app, Job& job);
+void add_track(CLI::App& app, Job& job);
 void add_detect(CLI::App& app, Job& job);
 void add_plan(CLI::App& app, Job& job);
 void add_land(CLI::App& app, Job& job);
+void add_campaign(CLI::App& app, Job& job);
