@@ -35,8 +35,8 @@ struct MissionCommand {
     idle,    ///< Attitude level with the platform, no thrust.
     ramp,    ///< Level, thrust as told: the drone leaves the ground.
     track,   ///< Feedback on the maneuver.
-    settle   ///< Touching down: the last attitude, turning with the platform, and a
-             ///< share of the last thrust. Feedback would fight the pad's friction.
+    settle   ///< Touching down: from the last attitude over to the pad's, a share of
+             ///< the last thrust. Feedback would fight the pad's friction.
   };
   Mode mode = Mode::silent;
   double ramp_share = 0;  ///< ramp: of the nominal hover thrust; settle: of the last.
