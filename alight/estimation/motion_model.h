@@ -46,10 +46,12 @@ struct MotionState {
 
 /// Spectral densities of the white noise that drives the model (continuous time).
 struct ProcessNoise {
-  double rate = 0.2;          ///< of w_NB_B, rad/s per sqrt(Hz)
-  double acceleration = 0.3;  ///< of v_NB', m/s^2 per sqrt(Hz)
-  double disturbance = 0.7;   ///< random walk of d_N, m/s^3 per sqrt(Hz)
-  double bias = 0.7;          ///< random walk of b_N, m/s^3 per sqrt(Hz)
+  double rate = 0.1;  ///< of w_NB_B, rad/s per sqrt(Hz)
+  /// of v_NB', m/s^2 per sqrt(Hz); over the random walks' it is the shortest time
+  /// constant, s, in which these can follow.
+  double acceleration = 0.1;
+  double disturbance = 0.7;  ///< random walk of d_N, m/s^3 per sqrt(Hz)
+  double bias = 0.7;         ///< random walk of b_N, m/s^3 per sqrt(Hz)
 };
 
 /// Carries a state over `dt` s (may be negative):

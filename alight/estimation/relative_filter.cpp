@@ -137,12 +137,16 @@ Result<void> RelativeFilter::prepare(const LedFrame& frame,
     const Vector2 led_px = config_.led_position_sd_m / z * Vector2(lens.fx, lens.fy);
     m.cov.setZero();
     if (config_.use_observation_cov) m.cov = o.cov;
-    m.cov.diagonal() += (led_px.cwiseAbs2() +
-                         Vector2::Constant(config_.pixel_sd_px * config_.pixel_sd_px)) /
-                        n;
+    const double pixel = config_.pixel_sd_px * config_.pixel_sd_px;
+    const double white = config_.led_white_share * config_.led_white_share;
+    const Vector2 led = led_px.cwiseAbs2() / n;
+    m.cov.diagonal() += white * led + Vector2::Constant(pixel / n);
+    const Vector2 constant = (1 - white) * led;
+    m.slack = std::sqrt(1 + constant.sum() / m.cov.trace());
 
     const Vector2 innovation = o.uv - *uv;
-    const Matrix2 S = H * P * H.transpose() + m.cov;
+    Matrix2 S = H * P * H.transpose() + m.cov;
+    S.diagonal() += constant;
     const double nis = innovation.dot(S.inverse() * innovation);
     if (!(nis >= 0) || (config_.gate_chi2 > 0 && nis > config_.gate_chi2)) {
       ++improbable;

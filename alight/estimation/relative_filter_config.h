@@ -21,14 +21,16 @@ struct RelativeFilterConfig {
   double variance_per_frame = 0;
 
   // Measurement of one observation: its own covariance (if used), plus
-  //   pixel_sd_px^2 / n + (led_position_sd_m f / z)^2 / n   for n LEDs in one blob.
-  // LED errors are constant. In R they keep the gate from refusing LEDs that are off
-  // and soften the jump when the set in view changes; what does not average out is
-  // carried apart and added by covariance(). Process noise, not R, keeps the filter
-  // responsive.
+  //   pixel_sd_px^2 / n + (led_white_share led_position_sd_m f / z)^2 / n
+  // for n LEDs in one blob. LED errors are constant: they shift the pose, which
+  // covariance() carries apart, and must not slow the filter as noise would. What
+  // changes with the aspect has its share in R, as large as the response to a gust
+  // (63 % in 0.3 s at 1.5 m) allows, for it also calms velocity and disturbance. The
+  // gate and Huber's limit, which judge single residuals, allow for all of it.
   bool use_observation_cov = true;
   double pixel_sd_px = 0.1;          ///< Floor: lens, blob model.
   double led_position_sd_m = 0.002;  ///< Of each coordinate of each LED, constant.
+  double led_white_share = 0.65;     ///< Of led_position_sd_m, in R.
   bool use_depth = false;
   double depth_sd_m = 0.01;      ///< Together with
   double depth_sd_share = 0.02;  ///< this share of the depth.
