@@ -1,0 +1,88 @@
+#include <cstdio>
+#include <iostream>
+#include <memory>
+
+#include "alight/io/rig_yaml.h"
+#include "alight/run/track_run.h"
+#include "command.h"
+
+using namespace alight;
+
+namespace {
+
+struct Settings {
+  std::string source, rig, out;
+  std::string method = "iekf";
+  std::string profile = "default";
+  bool depth = false;
+  bool json = false;
+};
+
+void print(const Settings& settings, const TrackRunResult& result) {
+  std::printf("%s: %d of %zu pictures tracked (%.2f %%)\n", settings.source.c_str(),
+              result.tracked, result.pictures.size(), 100 * result.tracked_share());
+  if (result.tracked > 0) {
+    std::printf("fit           %.2f px rms (median)\n", result.reprojection_px);
+  }
+  std::printf("time          %.0f us a picture (median), %.0f us p99\n",
+              result.us_median, result.us_p99);
+  std::printf("longest gap   %.3f s; found without a prior %d times\n",
+              result.longest_gap, result.searches);
+}
+
+Result<void> track(const Settings& settings) {
+  TrackRunOptions options;
+  auto rig = load_rig(settings.rig);
+  if (!rig) return fail(rig.error());
+  options.rig = *rig;
+  options.source = settings.source;
+  options.profile = settings.profile == "paper" ? Profile::paper : Profile::standard;
+  options.depth = settings.depth;
+
+  const auto result = run_track(options);
+  if (!result) return fail(result.error());
+  if (!settings.out.empty()) {
+    if (auto good = save_track(settings.out, options, *result); !good) return good;
+  }
+  if (settings.json) {
+    std::cout << track_json(options, *result);
+    return {};
+  }
+  print(settings, *result);
+  if (!settings.out.empty()) {
+    std::printf("recorded in   %s\n", settings.out.c_str());
+  }
+  return {};
+}
+
+/// Methods that CONTRACT names and that are not there yet.
+std::string known_method(const std::string& method) {
+  if (method == "iekf") return {};
+  if (method == "kf-less" || method == "aruco" || method == "apriltag") {
+    return "the method " + method + " is planned and not there yet, use iekf";
+  }
+  return "unknown method " + method + ", use iekf";
+}
+
+}  // namespace
+
+void add_track(CLI::App& app, Job& job) {
+  auto settings = std::make_shared<Settings>();
+  CLI::App* command = app.add_subcommand("track", "Poses from recorded pictures");
+  command
+      ->add_option("SOURCE", settings->source,
+                   "Folder with frames.csv, folder of pictures, or video")
+      ->required();
+  command->add_option("--rig", settings->rig, "Rig file")->required();
+  command->add_option("--method", settings->method, "iekf")
+      ->check(CLI::Validator(known_method, "METHOD"))
+      ->capture_default_str();
+  command->add_option("--profile", settings->profile, "default or paper")
+      ->check(CLI::IsMember({"default", "paper"}))
+      ->capture_default_str();
+  command->add_flag("--depth", settings->depth, "Use the depth pictures too");
+  command->add_option("--out", settings->out, "Folder for estimate, frames and plots");
+  command->add_flag("--json", settings->json, "One JSON document");
+  command->callback(
+      [settings, &job] { job = [settings] { return track(*settings); }; });
+}
