@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdio>
 #include <limits>
+#include <numeric>
 #include <opencv2/imgproc.hpp>
 
 namespace alight {
@@ -12,7 +13,9 @@ namespace {
 // Everything is drawn at twice the size and averaged down: smoother than LINE_AA alone.
 constexpr int kOver = 2;
 constexpr int kFont = cv::FONT_HERSHEY_SIMPLEX;
-constexpr int kShift = 4;  // fraction bits of OpenCV's drawing coordinates
+constexpr int kShift = 4;              // fraction bits of OpenCV's drawing coordinates
+constexpr double kTitle = 13 * kOver;  // height of capitals
+constexpr double kLegend = 11 * kOver;
 const Rgb kGrid{228, 228, 228};
 const Rgb kAxis{90, 90, 90};
 
@@ -101,10 +104,10 @@ std::string tick_text(double value, double step) {
 /// Draws one panel into its part of the sheet.
 class Axes {
  public:
-  Axes(cv::Mat sheet, const Panel& panel) : sheet_(std::move(sheet)), panel_(panel) {
-    area_ = cv::Rect(left_, top_, std::max(1, sheet_.cols - left_ - right_),
-                     std::max(1, sheet_.rows - top_ - bottom_));
+  /// @param width Of the sheet to come.
+  Axes(const Panel& panel, int width) : panel_(panel), width_(width) {
     for (const Series& series : panel.series) {
+      if (!series.in_range) continue;
       for (const double v : series.x) x_.take(v);
       for (const double v : series.y) y_.take(v);
     }
@@ -115,14 +118,28 @@ class Axes {
     x_.settle(panel.equal_aspect ? 0.05 : 0.01);
     y_.settle(0.07);
     if (panel.y_from_zero) y_.low = 0;
-    if (panel.equal_aspect) {
+    legend_below_ = legend_width() + text_size(panel.title, kTitle).width >
+                    width - left_ - right_ - 20 * kOver;
+    if (legend_below_) top_ += 20 * kOver;
+  }
+
+  /// Where one metre is as long on both axes, the height that leaves nothing empty.
+  int wanted_height(int usual) const {
+    if (!panel_.equal_aspect) return usual;
+    const double area = y_.size() / x_.size() * (width_ - left_ - right_);
+    return static_cast<int>(
+        std::clamp(area + top_ + bottom_, 0.7 * usual, 1.6 * usual));
+  }
+
+  void draw(cv::Mat sheet) {
+    sheet_ = std::move(sheet);
+    area_ = cv::Rect(left_, top_, std::max(1, sheet_.cols - left_ - right_),
+                     std::max(1, sheet_.rows - top_ - bottom_));
+    if (panel_.equal_aspect) {
       const double metre = std::max(x_.size() / area_.width, y_.size() / area_.height);
       x_.widen_to(metre * area_.width);
       y_.widen_to(metre * area_.height);
     }
-  }
-
-  void draw() {
     draw_grid();
     cv::Mat inside = sheet_(area_);
     for (const Series& series : panel_.series) draw_series(inside, series);
@@ -168,15 +185,27 @@ class Axes {
     strip(cv::Rect(0, 0, place.width, place.height)).copyTo(sheet_(place));
   }
 
-  /// Title on the left, legend on the right of the line above the axes.
+  int legend_width() const {
+    int width = 0;
+    for (const Series& series : panel_.series) {
+      if (series.label.empty()) continue;
+      width += text_size(series.label, kLegend).width + (6 + 20 + 14) * kOver;
+    }
+    return width;
+  }
+
+  /// Title on the left, legend on the right of the line above the axes, or, where both
+  /// do not fit, on a line of its own.
   void draw_head() {
     const double line = top_ - 12 * kOver;
-    put(sheet_, left_, line, panel_.title, 13 * kOver, palette::black, 0, 2);
+    put(sheet_, left_, legend_below_ ? line - 20 * kOver : line, panel_.title, kTitle,
+        palette::black, 0, 2);
     double at = area_.br().x;
+    if (legend_below_) at = std::min<double>(at, left_ + legend_width());
     for (auto it = panel_.series.rbegin(); it != panel_.series.rend(); ++it) {
       if (it->label.empty()) continue;
-      put(sheet_, at, line, it->label, 11 * kOver, palette::black, 1);
-      at -= text_size(it->label, 11 * kOver).width + 6 * kOver;
+      put(sheet_, at, line, it->label, kLegend, palette::black, 1);
+      at -= text_size(it->label, kLegend).width + 6 * kOver;
       const double y = line - 4.5 * kOver;
       const double from = at - 20 * kOver;
       switch (it->mark) {
@@ -265,6 +294,8 @@ class Axes {
 
   cv::Mat sheet_;
   const Panel& panel_;
+  int width_ = 0;
+  bool legend_below_ = false;
   int left_ = 68 * kOver;
   int right_ = 20 * kOver;
   int top_ = 38 * kOver;
@@ -281,18 +312,30 @@ cv::Mat over(Image& image) {
 }  // namespace
 
 Image draw_figure(const std::vector<Panel>& panels, const FigureOptions& options) {
-  const int count = std::max(1, static_cast<int>(panels.size()));
-  const int columns = std::clamp(options.columns, 1, count);
-  const int rows = (count + columns - 1) / columns;
-  const int w = std::max(200, options.panel_width_px);
-  const int h = std::max(150, options.panel_height_px);
-  cv::Mat sheet(rows * h * kOver, columns * w * kOver, CV_8UC3, cv::Scalar::all(255));
-  for (int i = 0; i < static_cast<int>(panels.size()); ++i) {
-    const cv::Rect place((i % columns) * w * kOver, (i / columns) * h * kOver,
-                         w * kOver, h * kOver);
-    Axes(sheet(place), panels[static_cast<std::size_t>(i)]).draw();
+  const int count = static_cast<int>(panels.size());
+  const int columns = std::clamp(options.columns, 1, std::max(1, count));
+  const int w = std::max(200, options.panel_width_px) * kOver;
+  const int h = std::max(150, options.panel_height_px) * kOver;
+  std::vector<Axes> axes;
+  axes.reserve(panels.size());
+  std::vector<int> heights;
+  for (int i = 0; i < count; ++i) {
+    axes.emplace_back(panels[static_cast<std::size_t>(i)], w);
+    const int wanted = axes.back().wanted_height(h) / kOver * kOver;
+    if (i % columns == 0) heights.push_back(wanted);
+    heights.back() = std::max(heights.back(), wanted);
   }
-  Image image(columns * w, rows * h, 3);
+  if (heights.empty()) heights.push_back(h);
+  const int total = std::accumulate(heights.begin(), heights.end(), 0);
+  cv::Mat sheet(total, columns * w, CV_8UC3, cv::Scalar::all(255));
+  int top = 0;
+  for (int i = 0; i < count; ++i) {
+    const int height = heights[static_cast<std::size_t>(i / columns)];
+    axes[static_cast<std::size_t>(i)].draw(
+        sheet(cv::Rect(i % columns * w, top, w, height)));
+    if (i % columns == columns - 1) top += height;
+  }
+  Image image(columns * w / kOver, total / kOver, 3);
   cv::Mat small = over(image);
   cv::resize(sheet, small, small.size(), 0, 0, cv::INTER_AREA);
   return image;

@@ -38,6 +38,8 @@ struct Series {
   Rgb color = palette::blue;
   Mark mark = Mark::line;  ///< `filled` closes the outline and fills it.
   double width_px = 2;     ///< Line width or diameter of dots.
+  bool in_range =
+      true;  ///< The axes stretch to show it; false: cut off where they end.
 };
 
 /// A word beside a point of the data, with a dot on it.
@@ -62,7 +64,8 @@ struct Panel {
 struct FigureOptions {
   int columns = 1;
   int panel_width_px = 900;
-  int panel_height_px = 420;
+  int panel_height_px = 420;  ///< Rows with equal aspect: 0.7 to 1.6 of it, as the data
+                              ///< needs.
 };
 
 /// The panels, row by row, on white.

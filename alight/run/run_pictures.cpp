@@ -13,10 +13,14 @@ constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 Rgb color_of(LedColor color) {
   switch (color) {
-    case LedColor::red: return {255, 90, 80};
-    case LedColor::green: return {90, 240, 110};
-    case LedColor::blue: return {110, 160, 255};
-    default: return {255, 255, 255};
+    case LedColor::red:
+      return {255, 90, 80};
+    case LedColor::green:
+      return {90, 240, 110};
+    case LedColor::blue:
+      return {110, 160, 255};
+    default:
+      return {255, 255, 255};
   }
 }
 
@@ -42,16 +46,17 @@ Panel side_view(const RunTracks& tracks, const Rig& rig) {
   for (const double v : {0.0, rig.camera.intrinsics.height - 1.0}) {
     const Vector3 ray = rig.camera.X_NC.linear() *
                         rig.camera.intrinsics.unproject({rig.camera.intrinsics.cx, v});
-    const double reach = 1.2 / std::max(0.2, std::abs(ray.z()) / ray.norm());
-    const Vector3 end = eye + std::min(reach, 2.2) * ray.normalized();
+    const Vector3 end = eye + 10 * ray.normalized();  // cut off by the axes
     panel.series.push_back({.x = {eye.x(), end.x()},
                             .y = {eye.z(), end.z()},
                             .label = v == 0 ? "edge of the picture" : "",
                             .color = palette::grey,
                             .mark = Mark::dashed,
-                            .width_px = 1.5});
+                            .width_px = 1.5,
+                            .in_range = false});
   }
-  Series reference{.label = "reference", .color = palette::orange, .mark = Mark::dashed};
+  Series reference{
+      .label = "reference", .color = palette::orange, .mark = Mark::dashed};
   Series estimate{.label = "estimate", .color = palette::sky};
   Series truth{.label = "truth", .color = palette::blue, .width_px = 2.5};
   for (std::size_t i = 0; i < tracks.t.size(); ++i) {
@@ -106,9 +111,8 @@ Panel error_panel(const RunTracks& tracks) {
     if (!in_landing(tracks.state[i])) continue;
     const Vector3 p = tracks.X_NB_true[i].translation();
     tracking.x.push_back(tracks.t[i]);
-    tracking.y.push_back(tracks.reference_valid[i]
-                             ? (p - tracks.reference[i].p_NB).norm()
-                             : kNaN);
+    tracking.y.push_back(
+        tracks.reference_valid[i] ? (p - tracks.reference[i].p_NB).norm() : kNaN);
     estimate.x.push_back(tracks.t[i]);
     estimate.y.push_back(tracks.predicted_valid[i]
                              ? (p - tracks.X_NB_predicted[i].translation()).norm()
@@ -210,7 +214,8 @@ Result<std::vector<std::string>> save_run_pictures(const std::string& folder,
     return fail(good.error());
   }
   names.emplace_back("errors.png");
-  if (auto good = save_figure(folder + "/" + names.back(), {error_panel(tracks)}); !good) {
+  if (auto good = save_figure(folder + "/" + names.back(), {error_panel(tracks)});
+      !good) {
     return fail(good.error());
   }
   return names;
