@@ -38,6 +38,7 @@ Result<void> RelativeEstimatorConfig::validate() const {
 RelativeEstimatorConfig RelativeEstimatorConfig::paper() {
   RelativeEstimatorConfig config;
   config.blobs.smooth = true;
+  config.blobs.depth_threshold_m = 2.5;  // the effective landing distance
   config.finder.profile = LedFinderConfig::Profile::paper;
   config.tracker.profile = LedTrackerConfig::Profile::paper;
   config.filter = RelativeFilterConfig::paper();

@@ -44,6 +44,8 @@ TrueRig draw_true_rig(const Rig& nominal, const RigErrorScenario& error, Rng rng
   rig.drone.inertia_kg_m2 *= heavier;
   truth.extras.p_FCom = normal3(body, error.com_mm * 1e-3);
   truth.extras.thrust_scale = 1 + body.uniform(-1, 1) * error.thrust;
+  // Nobody measures it; as uncertain again as the mass it is divided by.
+  truth.extras.drag_per_s *= 1 + body.uniform(-1, 1) * 2 * error.mass;
   return truth;
 }
 

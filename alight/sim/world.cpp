@@ -16,7 +16,6 @@
 namespace alight {
 namespace {
 
-constexpr double kDrag = 0.35;        // 1/s
 constexpr double kRateDamping = 0.5;  // 1/s
 constexpr int kWindEvery = 5;         // steps
 constexpr int kTelemetryEvery = 10;   // steps: 50 Hz
@@ -185,7 +184,7 @@ Wrench World::Parts::air_and_rotors(const BodyMotion& body, const PlatformState&
   }
   const Wrench rotors_F = rotors.wrench(ground);
   Wrench sum;
-  sum.force = R_IF * rotors_F.force - drone.mass_kg * kDrag * (body.v_IF - air_I);
+  sum.force = R_IF * rotors_F.force - drone.mass_kg * rig.extras.drag_per_s * (body.v_IF - air_I);
   const Vector3 damping_F = kRateDamping * drone.inertia_kg_m2.cwiseProduct(body.w_F);
   sum.moment = R_IF * (rotors_F.moment - damping_F);
   return sum;
