@@ -1,0 +1,181 @@
+#include "alight/run/landing_run.h"
+
+#include <fstream>
+#include <set>
+#include <sstream>
+
+#include "run_scenarios.h"
+
+namespace alight {
+namespace {
+
+using test::figures;
+using test::options_of;
+
+LandingResult run(const LandingRunOptions& options, RunObserver* observer = nullptr) {
+  const auto result = run_landing(options, observer);
+  EXPECT_TRUE(result) << result.error().detail;
+  return result ? *result : LandingResult{};
+}
+
+std::string bytes(const std::filesystem::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  std::ostringstream all;
+  all << file.rdbuf();
+  return all.str();
+}
+
+/// A record's file without what the machine's clock put there.
+std::string repeatable(const std::filesystem::path& path) {
+  using Json = nlohmann::ordered_json;
+  const std::string text = bytes(path);
+  if (path.filename() == "result.json") {
+    Json j = Json::parse(text);
+    EXPECT_EQ(j.erase("timing_us"), 1u);
+    EXPECT_EQ(j.erase("realtime_factor"), 1u);
+    return j.dump();
+  }
+  if (path.filename() != "frames.jsonl") return text;
+  std::string kept, line;
+  for (std::istringstream lines(text); std::getline(lines, line);) {
+    Json j = Json::parse(line);
+    EXPECT_EQ(j.erase("us"), 1u);
+    kept += j.dump() + "\n";
+  }
+  return kept;
+}
+
+TEST(LandingRun, SameSeedLeavesTheSameBytes) {
+  const test::Folder folder;
+  const LandingRunOptions options = options_of("circle", 1);
+  LandingResult results[2];
+  for (const int k : {0, 1}) {
+    RunRecord record(options);
+    results[k] = run(options, &record);
+    const auto saved = record.save(folder.file(std::to_string(k)), results[k]);
+    ASSERT_TRUE(saved) << saved.error().detail;
+  }
+  EXPECT_EQ(figures(results[0]), figures(results[1]));
+
+  std::set<std::string> names;
+  for (const auto& entry : std::filesystem::directory_iterator(folder.file("0"))) {
+    names.insert(entry.path().filename().string());
+  }
+  std::set<std::string> again;
+  for (const auto& entry : std::filesystem::directory_iterator(folder.file("1"))) {
+    again.insert(entry.path().filename().string());
+  }
+  EXPECT_EQ(names, again);
+  for (const char* must : {"result.json", "frames.jsonl", "events.jsonl", "truth.tum",
+                           "estimate.tum", "predicted.tum", "reference.tum",
+                           "scenario.yaml", "rig.yaml", "rig_true.yaml"}) {
+    EXPECT_TRUE(names.contains(must)) << must;
+  }
+  for (const std::string& name : names) {
+    const std::string first = repeatable(folder.file("0/" + name));
+    EXPECT_FALSE(first.empty()) << name;
+    EXPECT_TRUE(first == repeatable(folder.file("1/" + name))) << name << " differs";
+  }
+}
+
+TEST(LandingRun, EverySeedIsAnotherWorld) {
+  std::set<std::string> all;
+  for (const std::uint64_t seed : {1, 2, 3}) {
+    all.insert(figures(run(options_of("still", seed))));
+  }
+  EXPECT_EQ(all.size(), 3u);
+}
+
+TEST(LandingRun, ObserversInfluenceNothing) {
+  const LandingRunOptions options = options_of("still", 2);
+  RunRecord record(options);
+  EXPECT_EQ(figures(run(options)), figures(run(options, &record)));
+}
+
+TEST(LandingRun, LandsOnWhatStandsAndOnWhatDrives) {
+  for (const char* name : {"still", "circle"}) {
+    for (const std::uint64_t seed : {1, 2, 3, 4}) {
+      const LandingResult result = run(options_of(name, seed));
+      EXPECT_EQ(result.outcome, Outcome::landed)
+          << name << ", seed " << seed << ": " << to_string(result.outcome) << ", "
+          << result.reason;
+      ASSERT_TRUE(result.touchdown) << name << ", seed " << seed;
+      // The footprint of an 18 cm drone inside a 43 cm pad.
+      EXPECT_LT(result.touchdown->error_m, 0.125);
+      EXPECT_LE(result.touchdown->relative_speed_m_s, 0.8);
+      EXPECT_GE(result.attempts, 1);
+    }
+  }
+}
+
+/// Sees every state the mission was in.
+class States final : public RunObserver {
+ public:
+  void on_step(const Output& out, const TruthState&, double) override {
+    states.insert(out.mission.state);
+  }
+  std::set<MissionState> states;
+};
+
+TEST(LandingRun, PlansThatAlwaysComeTooLateAreNotFlown) {
+  LandingRunOptions options = options_of("circle", 1);
+  options.scenario.planner_delay_ms = 1000;
+  options.timeout_s = 20;
+  States seen;
+  const LandingResult result = run(options, &seen);
+  EXPECT_FALSE(seen.states.contains(MissionState::land));
+  EXPECT_FALSE(result.touchdown);
+  EXPECT_NE(result.outcome, Outcome::landed);
+  EXPECT_NE(result.outcome, Outcome::crashed) << result.reason;
+  EXPECT_LE(result.simulated_s, options.timeout_s);
+}
+
+TEST(LandingRun, StandsASecondWithoutPictures) {
+  for (const double at_s : {4.0, 6.0, 8.0, 10.0}) {
+    LandingRunOptions options = options_of("circle", 1);
+    options.scenario.faults = {{FaultKind::camera_out, at_s, 1, 0}};
+    const LandingResult result = run(options);
+    EXPECT_EQ(result.outcome, Outcome::landed)
+        << "out at " << at_s << " s: " << to_string(result.outcome) << ", "
+        << result.reason;
+  }
+}
+
+TEST(LandingRun, RadioGoneForGoodEndsByTheAutopilotAlone) {
+  LandingRunOptions options = options_of("still", 1);
+  options.scenario.faults = {{FaultKind::radio_out, 6, 1000, 0}};
+  States seen;
+  const LandingResult result = run(options, &seen);
+  EXPECT_TRUE(seen.states.contains(MissionState::lost_link));
+  EXPECT_EQ(result.outcome, Outcome::lost_link_landing)
+      << to_string(result.outcome) << ", " << result.reason;
+  EXPECT_LT(result.simulated_s, options.timeout_s);
+}
+
+TEST(LandingRun, NoRadioAtAllNeverLeavesTheGround) {
+  LandingRunOptions options = options_of("still", 1);
+  options.scenario.faults = {{FaultKind::radio_out, 0, 1000, 0}};
+  options.timeout_s = 20;
+  const LandingResult result = run(options);
+  EXPECT_TRUE(result.outcome == Outcome::refused || result.outcome == Outcome::timeout)
+      << to_string(result.outcome) << ", " << result.reason;
+  EXPECT_LT(result.drone_speed_max_m_s, 0.01);
+}
+
+TEST(LandingRun, RefusesWhatIsOutOfRange) {
+  LandingRunOptions options = options_of("still", 1);
+  options.scenario.radio.loss = 2;
+  const auto bad_scenario = run_landing(options);
+  ASSERT_FALSE(bad_scenario);
+  EXPECT_EQ(bad_scenario.error().fault, Fault::invalid_config);
+  EXPECT_NE(bad_scenario.error().detail.find("loss"), std::string::npos);
+
+  options = options_of("still", 1);
+  options.rig.drone.mass_kg = -1;
+  const auto bad_rig = run_landing(options);
+  ASSERT_FALSE(bad_rig);
+  EXPECT_EQ(bad_rig.error().fault, Fault::invalid_config);
+}
+
+}  // namespace
+}  // namespace alight
