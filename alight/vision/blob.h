@@ -22,6 +22,11 @@ struct Blob {
   bool saturated = false;
 };
 
+/// Stretch of a patch of light or of a group of points with second moments S, px^2:
+/// how it is longer along one direction than across it, whatever its width. A single
+/// light has none, two lights `d` apart have |d|^2 / 4 along d.
+inline Vector2 stretch_of(const Matrix2& S) { return {S(0, 0) - S(1, 1), 2 * S(0, 1)}; }
+
 /// Blobs of one picture, in the order of their first row and column. Valid until the
 /// next call of whatever returned it.
 using BlobSpan = std::span<const Blob>;

@@ -21,17 +21,18 @@ struct LedFinderConfig {
   double facing_max_deg = 90;  ///< Between the LEDs' side of the drone and the lens,
                                ///< in the horizontal plane; 180 switches it off.
   // When an answer is taken.
-  double rms_max_px = 2;
+  double rms_max_px = 2;        ///< Or three sd of what is expected, if that is more.
   double led_sd_m = 0.002;      ///< How well LED positions are known, per axis.
   double centroid_sd_px = 0.2;  ///< Added to the blobs' own, for what noise leaves out.
   double merge_px = 6.5;        ///< LEDs whose images are closer may share a blob.
-  double missing_cost = 20;     ///< chi^2 charged for an LED not seen.
-  double runner_up_margin = 8;  ///< chi^2 by which the answer must beat its rival.
-  /// Accept only if fewer answers as good are expected by chance, given how many lights
-  /// are about and how many triples were tried.
+  double missing_cost = 8;      ///< -2 log of the chance that an LED is not seen.
+  double runner_up_margin = 8;  ///< -2 log likelihood by which it must beat its rival.
+  double attitude_sd_max_deg = 7;  ///< The answer's own, about its worst axis.
+  /// Accept only if fewer answers as good are expected by chance of lights that have
+  /// nothing to do with the drone.
   double false_alarms_max = 0.1;
-  int hypotheses_max = 400000;  ///< Bound on the work for one picture.
-  double mad_limit_m = 0.1;     ///< paper: lambda_MAD of eqn:RSE_mad.
+  int work_max = 400000;     ///< Bound on the work for one picture, about 10 ns each.
+  double mad_limit_m = 0.1;  ///< paper: lambda_MAD of eqn:RSE_mad.
 
   Result<void> validate() const;
 };
@@ -40,7 +41,7 @@ struct LedFinderConfig {
 struct FoundLeds {
   LedFrame frame;
   PoseFit fit;
-  double score = 0;            ///< chi^2 with the cost of LEDs not seen.
+  double score = 0;            ///< -2 log likelihood, against all being stray lights.
   double runner_up_score = 0;  ///< Of the best rival pose.
 };
 

@@ -2,6 +2,7 @@
 #include <array>
 #include <vector>
 
+#include "alight/vision/blob_pose.h"
 #include "alight/vision/led_finder.h"
 #include "alight/vision/led_matcher.h"
 #include "alight/vision/shape_table.h"
@@ -11,7 +12,8 @@ namespace alight {
 /// The state behind LedFinder: what is computed once, and room to work in.
 struct LedFinder::Search {
   static constexpr int kNeighbours = 24;
-  static constexpr std::size_t kKept = 48;
+  static constexpr std::size_t kKept = 24;
+  static constexpr std::size_t kTried = 64;
 
   Search(const LedFinderConfig& config_in, const Camera& camera_in,
          const Constellation& leds_in);
@@ -24,29 +26,40 @@ struct LedFinder::Search {
     Assignment assignment;
     Pose X_NB = Pose::Identity();
   };
-
   struct Settled {
     Candidate candidate;
-    PoseFit fit;
+    BlobFit fit;
   };
 
+  // led_finder.cpp
   bool plausible(const Pose& X_NB) const;
+  double tilt_sd() const { return config.tilt_sd_deg * kDegree; }
+  /// sd in px of where an LED's image lies, for a drone at X_NB.
+  double image_sd(const Pose& X_NB) const;
+
+  // led_finder_search.cpp: from blobs to poses worth a closer look, in `kept`.
   /// The blobs, and after them the halves of those that look like two LEDs.
   void split_long(BlobSpan blobs);
   void prepare(BlobSpan blobs, bool white_is_any);
   void search_triples(BlobSpan blobs, bool white_is_any);
-  void try_pose(BlobSpan blobs, const Pose& X_NB, const std::vector<int>& near,
+  void try_pose(BlobSpan blobs, const Pose& X_NB, std::span<const int> near,
                 bool white_is_any);
   void keep(const Candidate& candidate);
-  double sigma2(const Pose& X_NB) const;
-  /// Charged for blobs that look like two LEDs and are given one.
-  double unexplained_cost(BlobSpan blobs, const Assignment& assignment) const;
+
+  // led_finder_decide.cpp: from those to an answer.
   /// Refines and scores; false if it falls below what can be accepted.
-  bool settle(BlobSpan blobs, bool white_is_any, Candidate& candidate,
-              PoseFit& fit) const;
+  bool settle(BlobSpan blobs, bool white_is_any, double best_score, Settled& s);
+  double score_of(const Candidate& candidate, std::span<const BlobTerm> terms,
+                  const BlobFit& fit) const;
   /// Whether both tell the same story: near each other, or one leaves out LEDs that the
   /// other sees and moves over to it once they are put in.
   bool same_answer(BlobSpan blobs, const Candidate& best, const Candidate& other) const;
+  /// Expected number of answers as good from lights that have nothing to do with the
+  /// drone, as its logarithm.
+  double log_false_alarms(BlobSpan blobs, const Settled& best) const;
+  /// Whether the blobs in use decide the pose to what a filter can start from.
+  bool decided(const BlobFit& fit) const;
+  void polish(FoundLeds& found) const;
   Result<FoundLeds> decide(BlobSpan blobs, bool white_is_any, Time t);
 
   LedFinderConfig config;
@@ -55,15 +68,25 @@ struct LedFinder::Search {
   Vector3 centre_B;
   double radius_m;  // from centre_B to the farthest LED
   ShapeTable shapes;
+  // Triples whose first, second, third LED a blob of a color may be.
+  using TripleSet = std::vector<std::uint64_t>;
+  std::array<std::array<TripleSet, 5>, 3> of_color;
 
   std::vector<Blob> split;
   std::vector<int> usable;                   // blobs some LED may have made
   std::vector<std::vector<int>> neighbours;  // by index into `usable`
   std::vector<std::pair<double, int>> by_distance;
-  std::vector<Vector2> pinhole;  // of blobs, distortion removed, px
+  std::vector<Vector2> pinhole;          // of blobs, distortion removed, px
+  FixedVector<Candidate, kTried> rough;  // looked at already
+  std::size_t rough_next = 0;
   FixedVector<Candidate, kKept> kept;
   FixedVector<Settled, kKept> settled;
-  std::int64_t tried = 0;
+  GroupScratch scratch;
+  double light_density = 0;  // of usable blobs in the picture, per px^2
+  std::int64_t work = 0;
 };
+
+/// Rivals are poses that a filter started on one would not turn into the other.
+bool rivals(const Pose& a, const Pose& b);
 
 }  // namespace alight

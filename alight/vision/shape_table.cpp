@@ -76,35 +76,30 @@ std::vector<std::array<int, 3>> covering_triples(const Constellation& leds) {
   return chosen;
 }
 
-std::size_t ShapeTable::index(std::size_t t, const Vector2& a, const Vector2& b,
-                              const Vector2& c) {
-  const Vector2 e = b - a, f = c - a;
-  const double angle = std::atan2(e.y(), e.x());
-  // f in the frame of e, the plane drawn into the unit disk.
-  const double ee = std::max(e.squaredNorm(), 1e-12);
-  const Vector2 w(e.dot(f) / ee, (e.x() * f.y() - e.y() * f.x()) / ee);
-  const Vector2 d = w / (1 + w.norm());
-  const int i = clamp_cell((angle / kPi + 1) / 2 * kAngles, kAngles);
-  const int x = clamp_cell((d.x() + 1) / 2 * kGrid, kGrid);
-  const int y = clamp_cell((d.y() + 1) / 2 * kGrid, kGrid);
-  return ((t * kAngles + static_cast<std::size_t>(i)) * kGrid +
-          static_cast<std::size_t>(y)) *
-             kGrid +
-         static_cast<std::size_t>(x);
+ShapeTable::Side ShapeTable::side(const Vector2& a, const Vector2& b) {
+  const Vector2 e = b - a;
+  const double turn = (std::atan2(e.y(), e.x()) / kPi + 1) / 2;
+  return {a, e, std::max(e.squaredNorm(), 1e-12),
+          static_cast<std::size_t>(clamp_cell(turn * kAngles, kAngles))};
 }
 
-void ShapeTable::allow(std::size_t t, const Vector2& a, const Vector2& b,
-                       const Vector2& c) {
-  const std::size_t cell = index(t, a, b, c);
-  bits_[cell >> 6] |= std::uint64_t{1} << (cell & 63);
+std::size_t ShapeTable::cell(const Side& ab, const Vector2& c) {
+  const Vector2 f = c - ab.a;
+  // f in the frame of the side, the plane drawn into the unit disk.
+  const Vector2 w(ab.e.dot(f) / ab.ee, (ab.e.x() * f.y() - ab.e.y() * f.x()) / ab.ee);
+  const Vector2 d = w / (1 + w.norm());
+  const int x = clamp_cell((d.x() + 1) / 2 * kGrid, kGrid);
+  const int y = clamp_cell((d.y() + 1) / 2 * kGrid, kGrid);
+  return (ab.angle * kGrid + static_cast<std::size_t>(y)) * kGrid +
+         static_cast<std::size_t>(x);
 }
 
 ShapeTable::ShapeTable(const Camera& camera, const Constellation& leds,
                        double range_min_m, double range_max_m,
                        const std::function<bool(const Pose&)>& allowed)
     : triples_(covering_triples(leds)) {
-  const std::size_t cells = triples_.size() * kAngles * kGrid * kGrid;
-  bits_.assign(cells / 64 + 1, 0);
+  words_ = (triples_.size() + 63) / 64;
+  bits_.assign(kAngles * kGrid * kGrid * words_, 0);
   const Intrinsics& lens = camera.intrinsics;
   Vector3 centre_B = Vector3::Zero();
   for (const Led& led : leds.leds) centre_B += led.p_BL / leds.size();
@@ -139,34 +134,32 @@ ShapeTable::ShapeTable(const Camera& camera, const Constellation& leds,
       const auto at = [&](int i) {
         return uv[static_cast<std::size_t>(triples_[t][static_cast<std::size_t>(i)])];
       };
-      allow(t, at(0), at(1), at(2));
+      const std::size_t to = cell(side(at(0), at(1)), at(2)) * words_ + t / 64;
+      bits_[to] |= std::uint64_t{1} << (t % 64);
     }
   }
-  // Each cell lends its neighbours its mark, for what lies between the samples and for
+  widen();
+}
+
+void ShapeTable::widen() {
+  // Each cell lends its neighbours its marks, for what lies between the samples and for
   // the error of the centroids.
   const std::vector<std::uint64_t> seen = bits_;
-  const auto get = [&](std::size_t cell) {
-    return (seen[cell >> 6] >> (cell & 63)) & 1;
+  constexpr int kLast = static_cast<int>(kGrid) - 1;
+  const auto at = [&](std::size_t i, int y, int x) {
+    return ((i % kAngles * kGrid + static_cast<std::size_t>(y)) * kGrid +
+            static_cast<std::size_t>(x)) *
+           words_;
   };
-  for (std::size_t t = 0; t < triples_.size(); ++t) {
-    for (int i = 0; i < kAngles; ++i) {
-      for (int y = 0; y < kGrid; ++y) {
-        for (int x = 0; x < kGrid; ++x) {
-          const auto cell = [&](int ii, int yy, int xx) {
-            return ((t * kAngles + static_cast<std::size_t>((ii + kAngles) % kAngles)) *
-                        kGrid +
-                    static_cast<std::size_t>(yy)) *
-                       kGrid +
-                   static_cast<std::size_t>(xx);
-          };
-          if (!get(cell(i, y, x))) continue;
-          for (int di = -1; di <= 1; ++di) {
-            for (int yy = std::max(y - 1, 0); yy <= std::min(y + 1, kGrid - 1); ++yy) {
-              for (int xx = std::max(x - 1, 0); xx <= std::min(x + 1, kGrid - 1);
-                   ++xx) {
-                const std::size_t to = cell(i + di, yy, xx);
-                bits_[to >> 6] |= std::uint64_t{1} << (to & 63);
-              }
+  for (std::size_t i = 0; i < kAngles; ++i) {
+    for (int y = 0; y <= kLast; ++y) {
+      for (int x = 0; x <= kLast; ++x) {
+        const std::size_t from = at(i, y, x);
+        for (std::size_t di = kAngles - 1; di <= kAngles + 1; ++di) {
+          for (int yy = std::max(y - 1, 0); yy <= std::min(y + 1, kLast); ++yy) {
+            for (int xx = std::max(x - 1, 0); xx <= std::min(x + 1, kLast); ++xx) {
+              const std::size_t to = at(i + di, yy, xx);
+              for (std::size_t w = 0; w < words_; ++w) bits_[to + w] |= seen[from + w];
             }
           }
         }

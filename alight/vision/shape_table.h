@@ -22,20 +22,28 @@ class ShapeTable {
 
   const std::vector<Triple>& triples() const { return triples_; }
 
-  /// Whether triple `t` may look like these three points (undistorted px).
-  bool possible(std::size_t t, const Vector2& a, const Vector2& b,
-                const Vector2& c) const {
-    const std::size_t cell = index(t, a, b, c);
-    return (bits_[cell >> 6] >> (cell & 63)) & 1;
+  /// First side of a triangle, prepared for its many third corners.
+  struct Side {
+    Vector2 a, e;
+    double ee;
+    std::size_t angle;
+  };
+  static Side side(const Vector2& a, const Vector2& b);
+
+  /// Words of a bit set over `triples()`: those that may look like this triangle
+  /// (undistorted px).
+  std::size_t words() const { return words_; }
+  const std::uint64_t* possible(const Side& ab, const Vector2& c) const {
+    return &bits_[cell(ab, c) * words_];
   }
 
  private:
-  static constexpr int kAngles = 32;
-  static constexpr int kGrid = 32;
-  static std::size_t index(std::size_t t, const Vector2& a, const Vector2& b,
-                           const Vector2& c);
-  void allow(std::size_t t, const Vector2& a, const Vector2& b, const Vector2& c);
+  static constexpr std::size_t kAngles = 32;
+  static constexpr std::size_t kGrid = 32;
+  static std::size_t cell(const Side& ab, const Vector2& c);
+  void widen();
 
+  std::size_t words_ = 1;
   std::vector<Triple> triples_;
   std::vector<std::uint64_t> bits_;
 };
