@@ -3,6 +3,8 @@
 #include <cstdio>
 #include <filesystem>
 #include <iostream>
+#include <limits>
+#include <memory>
 #include <set>
 
 #include "alight/io/files.h"
@@ -23,7 +25,7 @@ struct Settings {
   std::vector<std::string> scenarios;
   std::string rig, out, profile = "default";
   int seeds = 20;
-  std::uint64_t first_seed = 1;
+  std::int64_t first_seed = 1;
   int jobs = 0;
   double timeout_s = 60;
   bool perfect_rig = false;
@@ -69,7 +71,7 @@ Result<CampaignOptions> options_of(const Settings& settings) {
     options.scenarios.push_back({file, *scenario});
   }
   options.profile = settings.profile == "paper" ? Profile::paper : Profile::standard;
-  options.first_seed = settings.first_seed;
+  options.first_seed = static_cast<std::uint64_t>(settings.first_seed);
   options.seeds = settings.seeds;
   options.jobs = settings.jobs;
   options.timeout_s = settings.timeout_s;
@@ -214,6 +216,7 @@ void add_campaign(CLI::App& app, Job& job) {
       ->check(CLI::Range(1, 1'000'000))
       ->capture_default_str();
   command->add_option("--first-seed", settings->first_seed, "The others follow it")
+      ->check(CLI::Range(std::int64_t{0}, std::numeric_limits<std::int64_t>::max() / 2))
       ->capture_default_str();
   command->add_option("--rig", settings->rig,
                       "Rig file; without one, the authors' rig");

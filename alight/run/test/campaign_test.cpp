@@ -19,8 +19,8 @@ CampaignOptions quick() {
   }
   options.rig = alan_rig();
   options.seeds = 3;
-  options.timeout_s = 3;
-  options.depth = false;
+  options.timeout_s = 2;
+  options.depth = false;  // for speed
   options.version = "test";
   return options;
 }
