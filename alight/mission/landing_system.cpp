@@ -217,8 +217,8 @@ void LandingSystem::Parts::control(const MissionCommand& command, Time now,
       const double turned = yaw_of(platform.at(now).X_IN.linear()) - last_track_heading;
       const Eigen::Quaterniond last(Eigen::AngleAxisd(turned, Vector3::UnitZ()) *
                                     last_track.q_IB);
-      out.setpoint.q_IB = resting_setpoint(platform_eff, 0).q_IB.slerp(
-          std::sqrt(command.ramp_share), last);
+      out.setpoint.q_IB = resting_setpoint(platform_eff, 0)
+                              .q_IB.slerp(std::sqrt(command.ramp_share), last);
       out.setpoint.thrust *= command.ramp_share;
       if (config.interface == ControlInterface::velocity) out.setpoint.v_IB.z() = -0.5;
       break;

@@ -6,10 +6,6 @@
 namespace alight {
 namespace {
 
-// Distances from the lens along the optical axis, in multiples of the distance from
-// lens to pad: far enough to see the whole approach, near enough to see well.
-constexpr double kRendezvousDistance = 2.4;
-constexpr double kFollowDistance = 3.1;
 constexpr double kBorderPx = 40;
 
 bool in_view(const Rig& rig, const Vector3& p_NB) {
@@ -28,6 +24,8 @@ Result<void> MissionConfig::validate() const {
     const char* name;
     double value, low, high;
   } bounds[] = {
+      {"follow_distance", follow_distance, 1.2, 10},
+      {"rendezvous_distance", rendezvous_distance, 1.2, 10},
       {"take_off_height_m", take_off_height_m, 0, 20},
       {"climb_speed_m_s", climb_speed_m_s, 0.05, 5},
       {"move_speed_m_s", move_speed_m_s, 0.05, 10},
@@ -63,9 +61,10 @@ MissionConfig places_for(MissionConfig config, const Rig& rig) {
     return Vector3(X_NC * Vector3(0, 0, distance * unit));
   };
   if (config.rendezvous_point.isZero()) {
-    config.rendezvous_point = on_axis(kRendezvousDistance);
+    config.rendezvous_point = on_axis(config.rendezvous_distance);
   }
-  if (config.follow_point.isZero()) config.follow_point = on_axis(kFollowDistance);
+  if (config.follow_point.isZero())
+    config.follow_point = on_axis(config.follow_distance);
   if (config.take_off_height_m <= 0) {
     const double gear = rig.drone.gear_height_m;
     double height = gear;

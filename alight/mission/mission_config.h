@@ -11,6 +11,10 @@ namespace alight {
 struct MissionConfig {
   Vector3 follow_point = Vector3::Zero();
   Vector3 rendezvous_point = Vector3::Zero();
+  // Distance of those two from the lens, in multiples of that from lens to pad: far
+  // enough to see the whole approach, near enough to see well.
+  double follow_distance = 3.1;
+  double rendezvous_distance = 2.4;
   double take_off_height_m = 0;  ///< First stop above the pad.
   bool start_on_floor = false;   ///< The first climb is blind.
 
@@ -33,7 +37,7 @@ struct MissionConfig {
   double give_up_s = 2.0;         ///< Lost target this long: the autopilot lands.
   double sink_m = 0.08;           ///< How far below touch-down the reference goes.
   double touch_height_m = 0.03;   ///< Above gear height: may stand on the pad.
-  double settle_down_s = 0.25;     ///< In which thrust then goes to nothing.
+  double settle_down_s = 0.25;    ///< In which thrust then goes to nothing.
   double touch_settled_s = 0.06;  ///< Not sinking for this long: it stands.
   double landing_overtime_s = 4;  ///< Past the trajectory's end: go around.
   double cut_height_m = 0;        ///< paper: motors are cut at the trajectory's end.

@@ -39,6 +39,7 @@ RelativeEstimatorConfig RelativeEstimatorConfig::paper() {
   RelativeEstimatorConfig config;
   config.blobs.smooth = true;
   config.blobs.depth_threshold_m = 2.5;  // the effective landing distance
+  config.blobs.grey_threshold = 150;     // its initialization bears no mirror image
   config.finder.profile = LedFinderConfig::Profile::paper;
   config.tracker.profile = LedTrackerConfig::Profile::paper;
   config.filter = RelativeFilterConfig::paper();

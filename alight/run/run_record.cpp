@@ -67,6 +67,13 @@ struct RunRecord::Parts {
   Time now = 0;
   MissionState state = MissionState::idle;
   double reference_z = 0;
+
+  /// The best picture is of the approach; until then, and if there never is one, the
+  /// first in which the LEDs were found, or else the first.
+  bool picture_wanted() const {
+    return !shown.report.tracked ||
+           (state == MissionState::land && reference_z > kShownAbove);
+  }
 };
 
 RunRecord::RunRecord(const LandingRunOptions& options)
@@ -75,13 +82,12 @@ RunRecord::RunRecord(const LandingRunOptions& options)
 }
 RunRecord::~RunRecord() = default;
 
-void RunRecord::on_world(const World& world) { parts_->rig_true = world.true_rig().rig; }
+void RunRecord::on_world(const World& world) {
+  parts_->rig_true = world.true_rig().rig;
+}
 
 void RunRecord::on_picture(const CameraFrame& frame) {
-  const bool wanted = parts_->shown.image.empty() ||
-                      (parts_->state == MissionState::land &&
-                       parts_->reference_z > kShownAbove);
-  if (wanted) parts_->last_picture = copy_of(frame.color);
+  if (parts_->picture_wanted()) parts_->last_picture = copy_of(frame.color);
 }
 
 void RunRecord::on_frame(const FrameReport& frame, const TruthState& truth, double us) {
@@ -89,9 +95,8 @@ void RunRecord::on_frame(const FrameReport& frame, const TruthState& truth, doub
   p.truth.emplace_back(truth.t, truth.X_NB);
   if (frame.tracked) p.estimate.emplace_back(frame.t, frame.x.X_NB());
   p.frames += frame_line(frame, p.now, us);
-  const bool wanted = p.shown.image.empty() || (p.state == MissionState::land &&
-                                                p.reference_z > kShownAbove);
-  if (wanted && frame.tracked && !p.last_picture.empty()) {
+  if (p.picture_wanted() && (frame.tracked || p.shown.image.empty()) &&
+      !p.last_picture.empty()) {
     p.shown.image = p.last_picture;
     p.shown.report = frame;
   }
