@@ -96,8 +96,10 @@ FixedVector<BlobTerm, kMaxLeds> blob_terms(const Assignment& assignment,
                                            const LedImages& images, BlobSpan blobs,
                                            double sd_px) {
   FixedVector<BlobTerm, kMaxLeds> terms;
-  Vector2 blur = Vector2::Zero();
-  double least = -1;
+  // Six LEDs in four blobs or more: at least two show one LED. The second least
+  // stretched tells the blur, as the least may be a small one that shows none.
+  Vector2 blur = Vector2::Zero(), blur_least = Vector2::Zero();
+  double least = 1e9, second = 1e9;
   for (const LedObservation& o : observations(assignment, images, blobs, kImbalance)) {
     const auto first = static_cast<std::size_t>(__builtin_ctz(o.leds));
     const Blob& blob = blobs[static_cast<std::size_t>(assignment.blob[first])];
@@ -106,8 +108,13 @@ FixedVector<BlobTerm, kMaxLeds> blob_terms(const Assignment& assignment,
     term.uv = o.uv;
     term.stretch = stretch_of(blob.spread);
     const double length = term.stretch.norm();
-    if (least < 0 || length < least) {
+    if (length < least) {
+      second = least;
+      blur = blur_least;
       least = length;
+      blur_least = term.stretch;
+    } else if (length < second) {
+      second = length;
       blur = term.stretch;
     }
     const int n = __builtin_popcount(o.leds);

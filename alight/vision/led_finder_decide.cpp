@@ -144,6 +144,11 @@ void LedFinder::Search::polish(FoundLeds& found) const {
       most = off;
       worst = i;
     }
+    auto rest = seen;
+    rest.erase(worst);
+    const auto again =
+        refine_pose(camera, leds, {rest.data(), rest.size()}, fit->X_NB, nullptr, 15);
+    if (!again || rivals(again->X_NB, fit->X_NB) || !plausible(again->X_NB)) return;
     found.frame.refused.push_back({seen[worst].uv, Refusal::off_constellation});
     found.frame.seen.erase(worst);
   }

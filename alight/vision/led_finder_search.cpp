@@ -20,6 +20,7 @@ constexpr int kLookUp = 1, kThreePoints = 60, kMatch = 100, kFit = 500;
 
 void LedFinder::Search::split_long(BlobSpan blobs) {
   split.assign(blobs.begin(), blobs.end());
+  whole_blobs = static_cast<int>(blobs.size());
   for (const Blob& blob : blobs) {
     const Vector2 stretch = stretch_of(blob.spread);
     const double length = stretch.norm();
@@ -98,12 +99,16 @@ void LedFinder::Search::search_triples(BlobSpan blobs, bool white_is_any) {
   const auto fits = [&](std::size_t corner, int j) -> const TripleSet& {
     return of_color[corner][static_cast<std::size_t>(blob(j).color)];
   };
-  std::array<int, kNeighbours + 1> near;
+  std::array<int, kNeighbours + 1> near, whole_near;
   for (std::size_t n = 0; n < usable.size(); ++n) {
     const int i = usable[n];
     near[0] = i;
     std::copy(neighbours[n].begin(), neighbours[n].end(), near.begin() + 1);
     const std::span<const int> around(near.data(), neighbours[n].size() + 1);
+    const auto whole_end =
+        std::copy_if(around.begin(), around.end(), whole_near.begin(),
+                     [&](int j) { return j < whole_blobs; });
+    const std::span<const int> whole(whole_near.begin(), whole_end);
     for (const int j : neighbours[n]) {
       const ShapeTable::Side side = ShapeTable::side(px(i), px(j));
       for (const int k : neighbours[n]) {
@@ -124,7 +129,7 @@ void LedFinder::Search::search_triples(BlobSpan blobs, bool white_is_any) {
                 three_point_poses(camera.intrinsics, p_BL, uv);
             for (int s = 0; s < start.count; ++s) {
               const Pose X_NB = camera.X_NC * start.X_CB[s];
-              if (plausible(X_NB)) try_pose(blobs, X_NB, around, white_is_any);
+              if (plausible(X_NB)) try_pose(blobs, X_NB, around, whole, white_is_any);
             }
           }
         }
@@ -134,7 +139,8 @@ void LedFinder::Search::search_triples(BlobSpan blobs, bool white_is_any) {
 }
 
 void LedFinder::Search::try_pose(BlobSpan blobs, const Pose& X_NB,
-                                 std::span<const int> near, bool white_is_any) {
+                                 std::span<const int> near, std::span<const int> whole,
+                                 bool white_is_any) {
   // A cheap count first: most poses explain their own three points and nothing else.
   const Pose X_CB = camera.X_NC.inverse() * X_NB;
   const Intrinsics& lens = camera.intrinsics;
@@ -163,7 +169,7 @@ void LedFinder::Search::try_pose(BlobSpan blobs, const Pose& X_NB,
   candidate.X_NB = X_NB;
   LedImages images = led_images(camera, leds, X_NB);
   GroupRule rule{reach, 1, 5, config.merge_px, config.use_color, white_is_any};
-  candidate.assignment = match_groups(images, leds, blobs, near, rule, scratch);
+  candidate.assignment = match_groups(images, leds, blobs, whole, rule, scratch);
   if (candidate.assignment.blobs < 4) return;
   for (const Candidate& other : rough) {
     if (other.assignment == candidate.assignment && !rivals(other.X_NB, X_NB)) return;
@@ -178,7 +184,7 @@ void LedFinder::Search::try_pose(BlobSpan blobs, const Pose& X_NB,
   images = led_images(camera, leds, fit->X_NB);
   rule.tolerance_px = 2 + kFineShare * images.size_px;
   candidate.X_NB = fit->X_NB;
-  candidate.assignment = match_groups(images, leds, blobs, near, rule, scratch);
+  candidate.assignment = match_groups(images, leds, blobs, whole, rule, scratch);
   if (candidate.assignment.blobs < 4) return;
   // With what is left over as the missing LEDs' residual.
   double square = 0;

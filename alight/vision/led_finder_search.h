@@ -42,8 +42,9 @@ struct LedFinder::Search {
   void split_long(BlobSpan blobs);
   void prepare(BlobSpan blobs, bool white_is_any);
   void search_triples(BlobSpan blobs, bool white_is_any);
+  /// `near`: blobs and parts that may tell a right pose, `whole`: blobs to be matched.
   void try_pose(BlobSpan blobs, const Pose& X_NB, std::span<const int> near,
-                bool white_is_any);
+                std::span<const int> whole, bool white_is_any);
   void keep(const Candidate& candidate);
 
   // led_finder_decide.cpp: from those to an answer.
@@ -73,6 +74,7 @@ struct LedFinder::Search {
   std::array<std::array<TripleSet, 5>, 3> of_color;
 
   std::vector<Blob> split;
+  int whole_blobs = 0;                       // of those in `split`; the rest are parts
   std::vector<int> usable;                   // blobs some LED may have made
   std::vector<std::vector<int>> neighbours;  // by index into `usable`
   std::vector<std::pair<double, int>> by_distance;

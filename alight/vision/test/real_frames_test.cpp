@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <opencv2/imgcodecs.hpp>
 
+#include "alight/vision/led_matcher.h"
 #include "scene.h"
 
 namespace alight {
@@ -49,7 +50,8 @@ TEST(RealMasks, PoseFromNearlyEveryOne) {
   auto detector = BlobDetector::create({}, 848, 480);
   auto finder = LedFinder::create({}, rig.camera, rig.leds);
   ASSERT_TRUE(detector && finder);
-  int files = 0, posed = 0;
+  int files = 0, posed = 0, neighbours = 0;
+  std::vector<Pose> poses;
   for (int n = 1; n <= 53; n += 2) {
     char name[32];
     std::snprintf(name, sizeof(name), "mask_%02d.png", n);
@@ -60,6 +62,7 @@ TEST(RealMasks, PoseFromNearlyEveryOne) {
     const auto blobs = detector->detect(view_of(picture));
     ASSERT_TRUE(blobs);
     const auto found = finder->find(*blobs);
+    if (found) poses.push_back(found->fit.X_NB);
     if (!found || found->frame.led_count() < 5 || found->fit.rms_px > 2) continue;
     ++posed;
     // The mirrored and swapped poses are turned by more than 20 deg or tilted so.
@@ -71,6 +74,21 @@ TEST(RealMasks, PoseFromNearlyEveryOne) {
       EXPECT_GT(found->frame.seen[i].uv.x(), found->frame.seen[i - 1].uv.x()) << name;
     }
   }
+  // Neighbours agree; where the recording has a cut (the constellation jumps or
+  // changes its size in the picture), in attitude at least.
+  for (std::size_t i = 1; i < poses.size(); ++i) {
+    EXPECT_LT(angle_between(poses[i].linear(), poses[i - 1].linear()) / kDegree, 20)
+        << i;
+    const LedImages a = led_images(rig.camera, rig.leds, poses[i - 1]);
+    const LedImages b = led_images(rig.camera, rig.leds, poses[i]);
+    if ((a.middle - b.middle).norm() > 60 ||
+        std::abs(std::log(a.size_px / b.size_px)) > 0.2) {
+      continue;
+    }
+    ++neighbours;
+    EXPECT_LT((poses[i].translation() - poses[i - 1].translation()).norm(), 0.15) << i;
+  }
+  EXPECT_GE(neighbours, 15);
   EXPECT_GE(posed, files - 1);
   EXPECT_EQ(files, 27);
 }

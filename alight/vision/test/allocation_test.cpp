@@ -1,0 +1,60 @@
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <cstdlib>
+#include <new>
+
+#include "alight/vision/led_tracker.h"
+#include "scene.h"
+
+namespace {
+std::atomic<long> news{0};
+}  // namespace
+
+void* operator new(std::size_t size) {
+  ++news;
+  if (void* room = std::malloc(size)) return room;
+  std::abort();
+}
+void operator delete(void* room) noexcept { std::free(room); }
+void operator delete(void* room, std::size_t) noexcept { std::free(room); }
+
+namespace alight {
+namespace {
+
+TEST(Allocation, NoneOnceDetectorFinderAndTrackerStand) {
+  const Rig rig = alan_rig();
+  auto detector = BlobDetector::create({}, 848, 480);
+  auto finder = LedFinder::create({}, rig.camera, rig.leds);
+  const auto tracker = LedTracker::create({}, rig.camera, rig.leds);
+  ASSERT_TRUE(detector && finder && tracker);
+  const Matrix6 cov = 1e-4 * Matrix6::Identity();
+  int found = 0;
+  for (unsigned seed = 0; seed < 10; ++seed) {
+    Rng rng(seed);
+    const Pose X_NB = test::random_pose(rig, rng, 0.5, 2);
+    test::Picture picture;
+    for (const Led& led : rig.leds.leds) {
+      picture.add(*project_led(rig.camera, X_NB, led.p_BL), led.color);
+    }
+    for (unsigned i = 0; i < 10 * seed; ++i) {
+      picture.add({rng.uniform(0, 848), rng.uniform(0, 480)}, LedColor::white);
+    }
+    const ImageView view = picture.expose(rng);
+    const long before = news;
+    const auto blobs = detector->detect(view);
+    if (blobs) {
+      found += finder->find(*blobs).has_value();
+      (void)tracker->track(*blobs, X_NB, cov);
+      (void)tracker->roi(X_NB, cov);
+    }
+    EXPECT_EQ(news, before);
+  }
+  EXPECT_GT(found, 5);
+  const long before = news;
+  std::free(::operator new(1));
+  EXPECT_EQ(news, before + 1);  // The counter counts.
+}
+
+}  // namespace
+}  // namespace alight
