@@ -72,8 +72,9 @@ Json document(const std::string& file, const DetectResult& result) {
 void print(const std::string& file, const DetectResult& result) {
   std::printf("%s: %zu blobs", file.c_str(), result.blobs.size());
   if (!result.found) {
-    std::printf(", no pose%s%s\n", result.found.error().detail.empty() ? "" : ": ",
-                result.found.error().detail.c_str());
+    std::printf(", no pose: %s\n", result.found.error().fault == Fault::ambiguous
+                                       ? "two explain the picture about equally well"
+                                       : "none explains enough LEDs");
     return;
   }
   const std::vector<SeenLed> leds = seen_leds(result);
@@ -113,11 +114,17 @@ Image annotated(const Image& image, const DetectResult& result) {
   return picture;
 }
 
-Result<void> run(const Options& options) {
+struct Seen {
+  std::string file;
+  DetectResult result;
+  Image picture;  ///< Annotated, if wanted.
+};
+
+Result<std::vector<Seen>> detect_all(const Options& options) {
   const auto rig = load_rig(options.rig);
   if (!rig) return fail(rig.error());
   const Intrinsics& lens = rig->camera.intrinsics;
-  Json images = Json::array();
+  std::vector<Seen> all;
   for (const std::string& file : options.images) {
     const auto image = load_image(file, Channels::as_stored);
     if (!image) return fail(image.error());
@@ -128,20 +135,35 @@ Result<void> run(const Options& options) {
                                             " gives " + std::to_string(lens.width) +
                                             "x" + std::to_string(lens.height));
     }
-    const auto result = detect_once(*rig, image->view());
+    auto result = detect_once(*rig, image->view());
     if (!result) return fail(result.error().fault, file + ": " + result.error().detail);
-    images.push_back(document(file, *result));
-    if (!options.json) print(file, *result);
-    if (!options.out.empty()) {
-      const std::string target =
-          options.out + "/" + std::filesystem::path(file).stem().string() + "_leds.png";
-      if (auto good = save_png(target, annotated(*image, *result).view()); !good) {
-        return good;
-      }
-      if (!options.json) std::printf("  picture %s\n", target.c_str());
-    }
+    all.push_back({file, std::move(*result), {}});
+    if (!options.out.empty()) all.back().picture = annotated(*image, all.back().result);
   }
-  if (options.json) std::cout << Json{{"images", images}}.dump(2) << '\n';
+  return all;
+}
+
+/// Nothing is said or written before every picture has been read.
+Result<void> run(const Options& options) {
+  const auto all = detect_all(options);
+  if (!all) return fail(all.error());
+  Json images = Json::array();
+  std::vector<std::string> pictures;
+  for (const Seen& seen : *all) {
+    images.push_back(document(seen.file, seen.result));
+    if (seen.picture.empty()) continue;
+    pictures.push_back(options.out + "/" +
+                       std::filesystem::path(seen.file).stem().string() + "_leds.png");
+    if (auto good = save_png(pictures.back(), seen.picture.view()); !good) return good;
+  }
+  if (options.json) {
+    std::cout << Json{{"images", images}}.dump(2) << '\n';
+    return {};
+  }
+  for (const Seen& seen : *all) print(seen.file, seen.result);
+  for (const std::string& picture : pictures) {
+    std::printf("  picture %s\n", picture.c_str());
+  }
   return {};
 }
 

@@ -9,6 +9,7 @@
 #include "alight/io/files.h"
 #include "alight/io/plot.h"
 #include "alight/io/pose_log.h"
+#include "checks.h"
 #include "command.h"
 #include "json.h"
 
@@ -213,7 +214,7 @@ void add_eval(CLI::App& app, Job& job) {
                      ->add_option("--max-dt", options->max_dt_s,
                                   "Pair poses by time, at most this many seconds apart "
                                   "(CSV logs: row by row unless given)")
-                     ->check(CLI::Range(0.0, 1e6))
+                     ->check(finite() & CLI::Range(0.0, 1e6))
                      ->capture_default_str();
   command->add_option("--out", options->out, "Folder for eval.json and plots");
   command->add_flag("--json", options->json, "One JSON document instead of the table");

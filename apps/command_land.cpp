@@ -5,6 +5,7 @@
 #include "alight/run/landing_run.h"
 #include "alight/run/run_record.h"
 #include "alight/run/scenario_yaml.h"
+#include "checks.h"
 #include "command.h"
 
 namespace {
@@ -88,17 +89,20 @@ void add_land(CLI::App& app, Job& job) {
   CLI::App* command = app.add_subcommand("land", "One simulated landing, start to end");
   command->add_option("--scenario", settings->scenario,
                       "Scenario file; without one, a calm circle");
-  command->add_option("--rig", settings->rig, "Rig file; without one, the authors' rig");
+  command->add_option("--rig", settings->rig,
+                      "Rig file; without one, the authors' rig");
   command->add_option("--seed", settings->seed, "Every seed is another world")
+      ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
   command->add_option("--profile", settings->profile, "default or paper")
       ->check(CLI::IsMember({"default", "paper"}))
       ->capture_default_str();
   command->add_option("--out", settings->out, "Folder for the record and its pictures");
   command->add_option("--timeout", settings->timeout_s, "Simulated seconds at most")
-      ->check(CLI::Range(1.0, 3600.0))
+      ->check(finite() & CLI::Range(1.0, 3600.0))
       ->capture_default_str();
-  command->add_flag("--json", settings->json, "Print the result as JSON and nothing else");
+  command->add_flag("--json", settings->json,
+                    "Print the result as JSON and nothing else");
   command->add_flag("!--no-depth", settings->depth, "Do not render depth pictures");
   command->callback([settings, &job] { job = [settings] { return land(*settings); }; });
 }

@@ -4,6 +4,7 @@
 
 #include "alight/io/rig_yaml.h"
 #include "alight/planning/planner.h"
+#include "checks.h"
 #include "command.h"
 #include "json.h"
 
@@ -128,14 +129,18 @@ void add_plan(CLI::App& app, Job& job) {
   command->add_option("--from", options->from, "Where the drone is: x,y,z in m")
       ->required()
       ->delimiter(',')
-      ->expected(3);
+      ->expected(3)
+      ->check(finite());
   command
       ->add_option("--velocity", options->velocity,
                    "v_NB: vx,vy,vz in m/s, 0,0,0 if absent")
       ->delimiter(',')
-      ->expected(3);
-  command->add_option("--platform-speed", options->platform_speed, "m/s, along x of N");
-  command->add_option("--platform-yaw-rate", options->platform_yaw_rate, "rad/s");
+      ->expected(3)
+      ->check(finite());
+  command->add_option("--platform-speed", options->platform_speed, "m/s, along x of N")
+      ->check(finite());
+  command->add_option("--platform-yaw-rate", options->platform_yaw_rate, "rad/s")
+      ->check(finite());
   command->add_option("--profile", options->profile, "default or paper")
       ->check(CLI::IsMember({"default", "paper"}))
       ->capture_default_str();

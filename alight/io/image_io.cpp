@@ -1,8 +1,14 @@
 #include "alight/io/image_io.h"
 
+#include <fcntl.h>
+#include <sys/mman.h>
+#include <unistd.h>
+
 #include <algorithm>
 #include <cassert>
+#include <cstdio>
 #include <cstring>
+#include <mutex>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
@@ -11,11 +17,53 @@
 namespace alight {
 namespace {
 
+/// Holds standard error while it lives: libpng and libjpeg talk there of damage that is
+/// told here in one line. `said` has what came.
+class HeldStandardError {
+ public:
+  HeldStandardError() : lock_(mutex()), held_(memfd_create("held", MFD_CLOEXEC)) {
+    std::fflush(stderr);
+    saved_ = held_ < 0 ? -1 : fcntl(STDERR_FILENO, F_DUPFD_CLOEXEC, 0);
+    if (saved_ >= 0) dup2(held_, STDERR_FILENO);
+  }
+  ~HeldStandardError() {
+    release();
+    if (held_ >= 0) close(held_);
+  }
+  HeldStandardError(const HeldStandardError&) = delete;
+  HeldStandardError& operator=(const HeldStandardError&) = delete;
+
+  std::string said() {
+    release();
+    std::string text(512, '\0');
+    const ssize_t size = held_ < 0 ? 0 : pread(held_, text.data(), text.size(), 0);
+    text.resize(static_cast<std::size_t>(std::max<ssize_t>(0, size)));
+    return text;
+  }
+
+ private:
+  static std::mutex& mutex() {
+    static std::mutex one;
+    return one;
+  }
+  void release() {
+    if (saved_ < 0) return;
+    std::fflush(stderr);
+    dup2(saved_, STDERR_FILENO);
+    close(saved_);
+    saved_ = -1;
+  }
+
+  std::lock_guard<std::mutex> lock_;
+  int held_ = -1;
+  int saved_ = -1;
+};
+
 Result<cv::Mat> decode(const std::string& path) {
   const auto bytes = read_file(path);
   if (!bytes) return fail(bytes.error());
   cv::Mat picture;
-  // libpng would complain of a cut file on standard error.
+  // Half a picture is decoded as one, the rest black.
   const bool cut =
       bytes->compare(0, 4, "\x89PNG") == 0 &&
       bytes->find("IEND", bytes->size() - std::min<std::size_t>(bytes->size(), 64)) ==
@@ -24,9 +72,17 @@ Result<cv::Mat> decode(const std::string& path) {
     const cv::Mat raw(1, static_cast<int>(bytes->size()), CV_8U,
                       const_cast<char*>(bytes->data()));
     // OpenCV throws on some damaged headers and returns nothing on others.
+    HeldStandardError held;
     try {
       picture = cv::imdecode(raw, cv::IMREAD_UNCHANGED);
     } catch (const cv::Exception&) {
+      picture.release();
+    }
+    // A damaged JPEG is decoded with a word of warning, a PNG after an error; what
+    // libpng warns of otherwise (colour profiles) is harmless.
+    const std::string said = held.said();
+    if (said.find("JPEG") != std::string::npos ||
+        said.find("libpng error") != std::string::npos) {
       picture.release();
     }
   }

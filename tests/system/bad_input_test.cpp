@@ -1,0 +1,263 @@
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+#include <vector>
+
+#include "alight/geometry/rig.h"
+#include "alight/io/files.h"
+#include "alight/io/image_io.h"
+#include "alight/io/rig_yaml.h"
+
+namespace alight {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Ran {
+  int status = -1;
+  std::string out, err;
+};
+
+/// The program from outside: whatever is wrong, it says so in one line and leaves
+/// nothing behind.
+class BadInput : public testing::Test {
+ protected:
+  BadInput()
+      : folder_(fs::temp_directory_path() /
+                ("alight_bad_" + std::to_string(getpid()))) {
+    fs::create_directories(folder_);
+    good_rig_ = file("good_rig.yaml", rig_text(alan_rig()));
+    EXPECT_TRUE(save_png(at("good.png"), Image(848, 480, 3, 4).view()));
+    good_tum_ = file("good.tum", "0 0 0 0 0 0 0 1\n1 1 0 0 0 0 0 1\n2 1 1 0 0 0 0 1\n");
+  }
+  ~BadInput() override { fs::remove_all(folder_); }
+
+  std::string at(const std::string& name) const { return (folder_ / name).string(); }
+  std::string file(const std::string& name, const std::string& text) const {
+    EXPECT_TRUE(write_file(at(name), text));
+    return at(name);
+  }
+
+  Ran run(const std::string& arguments) const {
+    const std::string command = std::string("'") + ALIGHT_PROGRAM + "' " + arguments +
+                                " >'" + at("stdout") + "' 2>'" + at("stderr") + "'";
+    Ran ran;
+    const int code = std::system(command.c_str());
+    if (WIFEXITED(code)) ran.status = WEXITSTATUS(code);
+    ran.out = read_file(at("stdout")).value_or("?");
+    ran.err = read_file(at("stderr")).value_or("?");
+    return ran;
+  }
+
+  /// Exit `status`, one line on standard error with each of `words`, nothing else
+  /// anywhere; every other call with --json.
+  void expect_refused(const std::string& arguments, int status,
+                      const std::vector<std::string>& words) const {
+    const std::string more = next_variant();
+    const std::string out = at("out");
+    const Ran ran = run(arguments + more + " --out '" + out + "'");
+    check(arguments + more, ran, status, words);
+    EXPECT_FALSE(fs::exists(out)) << arguments << " left a folder behind";
+  }
+  /// For commands without --out.
+  void expect_refused_bare(const std::string& arguments, int status,
+                           const std::vector<std::string>& words) const {
+    const std::string more = next_variant();
+    check(arguments + more, run(arguments + more), status, words);
+  }
+  static void check(const std::string& arguments, const Ran& ran, int status,
+                    const std::vector<std::string>& words) {
+    EXPECT_EQ(ran.status, status) << arguments << "\n" << ran.err;
+    EXPECT_EQ(ran.out, "") << arguments;
+    EXPECT_EQ(std::count(ran.err.begin(), ran.err.end(), '\n'), 1) << arguments << "\n"
+                                                                   << ran.err;
+    EXPECT_EQ(ran.err.rfind("alight ", 0), 0u) << arguments << "\n" << ran.err;
+    for (const std::string& word : words) {
+      EXPECT_NE(ran.err.find(word), std::string::npos)
+          << arguments << ": no '" << word << "' in: " << ran.err;
+    }
+  }
+
+  std::string rig_with(const std::string& from, const std::string& to) const {
+    std::string text = rig_text(alan_rig());
+    const std::size_t place = text.find(from);
+    EXPECT_NE(place, std::string::npos) << from;
+    if (place != std::string::npos) text.replace(place, from.size(), to);
+    return file("rig.yaml", text);
+  }
+
+  std::string next_variant() const { return calls_++ % 2 == 0 ? "" : " --json"; }
+
+  fs::path folder_;
+  mutable int calls_ = 0;
+  std::string good_rig_, good_tum_;
+};
+
+TEST_F(BadInput, Rigs) {
+  const std::string none = at("absent.yaml");
+  const std::string text = rig_text(alan_rig());
+  struct Case {
+    std::string path;
+    std::vector<std::string> words;
+  };
+  const auto each = [&](const Case& wrong) {
+    const std::string rig = " --rig '" + wrong.path + "'";
+    expect_refused("detect '" + at("good.png") + "'" + rig, 1, wrong.words);
+    expect_refused("track '" + folder_.string() + "'" + rig, 1, wrong.words);
+    expect_refused("land" + rig, 1, wrong.words);
+    expect_refused_bare("plan --from=-1,0,0.5" + rig, 1, wrong.words);
+  };
+  each({none, {"absent.yaml", "no such file"}});
+  each({folder_.string(), {"folder"}});
+  each({file("rig.yaml", "camera: [1, 2"), {"rig.yaml:"}});
+  each({file("rig.yaml", std::string("\x00\xff\xfe", 3)), {"rig.yaml"}});
+  each({file("rig.yaml", ""), {"rig.yaml", "camera"}});
+  each({file("rig.yaml", text.substr(0, text.size() / 3)), {"rig.yaml"}});
+  each({rig_with("readout_ms:", "raedout_ms:"),
+        {"rig.yaml:", "raedout_ms", "readout_ms"}});
+  each({rig_with("fx: 415.872", "fx: .nan"), {"rig.yaml:", "fx"}});
+  each({rig_with("fx: 415.872", "fx: -1"), {"rig.yaml", "fx"}});
+}
+
+TEST_F(BadInput, Scenarios) {
+  const auto each = [&](const std::string& text,
+                        const std::vector<std::string>& words) {
+    expect_refused("land --scenario '" + file("s.yaml", text) + "'", 1, words);
+  };
+  expect_refused("land --scenario '" + at("absent.yaml") + "'", 1, {"no such file"});
+  each("platform: {kind: circle", {"s.yaml:"});
+  each("wind: {meen_m_s: 1}", {"s.yaml:1", "meen_m_s", "mean_m_s"});
+  each("wind:\n  mean_m_s: .nan\n", {"s.yaml:2", "mean_m_s"});
+  each("radio: {loss: 2}", {"s.yaml", "loss"});
+  each("platform: {kind: spiral}", {"s.yaml:1", "spiral"});
+}
+
+TEST_F(BadInput, Pictures) {
+  const std::string rig = " --rig '" + good_rig_ + "'";
+  const auto both = [&](const std::string& name,
+                        const std::vector<std::string>& words) {
+    expect_refused("detect '" + at(name) + "'" + rig, 1, words);
+    // The good one before the bad: nothing may be left of it.
+    expect_refused("detect '" + at("good.png") + "' '" + at(name) + "'" + rig, 1,
+                   words);
+    const fs::path own = folder_ / ("of_" + name);
+    fs::create_directories(own);
+    if (fs::exists(at(name))) fs::copy_file(at(name), own / name);
+    file("of_" + name + "/frames.csv",
+         "t,file\n0," + at("good.png") + "\n1," + at(name) + "\n");
+    expect_refused("track '" + own.string() + "'" + rig, 1, words);
+  };
+  both("absent.png", {"absent.png", "no such file"});
+  file("empty.png", "");
+  both("empty.png", {"empty.png", "not a picture"});
+  file("words.jpg", "not a picture at all");
+  both("words.jpg", {"words.jpg", "not a picture"});
+  const std::string png = read_file(at("good.png")).value();
+  file("cut.png", png.substr(0, png.size() / 2));
+  both("cut.png", {"cut.png", "not a picture"});
+  std::string flipped = png;
+  for (std::size_t i = 60; i < 90; ++i) flipped[i] = static_cast<char>(~flipped[i]);
+  file("flipped.png", flipped);
+  both("flipped.png", {"flipped.png", "not a picture"});
+  file("cut.jpg", std::string("\xff\xd8\xff\xe0\x00\x10JFIF\x00\x01\x01\x00", 14));
+  both("cut.jpg", {"cut.jpg", "not a picture"});
+  ASSERT_TRUE(save_png(at("small.png"), Image(640, 480, 3).view()));
+  both("small.png", {"small.png", "640x480", "848x480"});
+}
+
+TEST_F(BadInput, Sequences) {
+  const std::string rig = " --rig '" + good_rig_ + "'";
+  const std::string picture = at("good.png");
+  const auto list = [&](const std::string& text,
+                        const std::vector<std::string>& words) {
+    file("list/frames.csv", text);
+    expect_refused("track '" + at("list") + "'" + rig, 1, words);
+  };
+  list("", {"frames.csv"});
+  list("t,file\n", {"frames.csv", "no pictures"});
+  list("time,file\n0,a.png\n", {"frames.csv:1", "column t"});
+  list("t,file\n0," + picture + "\n0.1\n", {"frames.csv:3", "fields"});
+  list("t,file\nnan," + picture + "\n", {"frames.csv:2", "finite"});
+  list("t,file\n1," + picture + "\n0.5," + picture + "\n", {"frames.csv:3", "grow"});
+  list("t,file\n1,gone.png\n", {"frames.csv:2", "gone.png"});
+  fs::create_directories(at("empty"));
+  expect_refused("track '" + at("empty") + "'" + rig, 1, {"empty", "frames.csv"});
+  expect_refused("track '" + at("absent") + "'" + rig, 1, {"absent", "no such"});
+  expect_refused("track '" + picture + "'" + rig, 1, {"one picture"});
+  expect_refused("track '" + good_rig_ + "'" + rig, 1, {"good_rig.yaml", "video"});
+}
+
+TEST_F(BadInput, Logs) {
+  const std::string good = "'" + good_tum_ + "'";
+  const auto each = [&](const std::string& text,
+                        const std::vector<std::string>& words) {
+    const std::string bad = "'" + file("bad.tum", text) + "'";
+    expect_refused("eval " + bad + " " + good, 1, words);
+    expect_refused("eval " + good + " " + bad, 1, words);
+  };
+  each("", {"bad.tum", "no poses"});
+  each("0 1 2 3\n", {"bad.tum:1", "8"});
+  each("0 0 0 nan 0 0 0 1\n", {"bad.tum:1", "nan"});
+  each("0 0 0 0 0 0 0 0\n", {"bad.tum:1", "quaternion"});
+  each("1 0 0 0 0 0 0 1\n0 0 0 0 0 0 0 1\n", {"bad.tum:2", "time"});
+  each("name\nx,y,z,r,p,y,ori,ms,dpth,t,\n1,2,3,\n", {"bad.tum:3", "fields"});
+  each("name\nx,y,z\n", {"bad.tum:2", "header"});
+  each("90 0 0 0 0 0 0 1\n", {"--max-dt"});
+  expect_refused("eval '" + at("absent") + "' " + good, 1, {"absent", "no such file"});
+}
+
+TEST_F(BadInput, Arguments) {
+  const std::string rig = " --rig '" + good_rig_ + "'";
+  const std::string picture = " '" + at("good.png") + "'";
+  for (const std::string& wrong :
+       {std::string(),
+        std::string("fly"),
+        std::string("land --seed x"),
+        std::string("land --seed -1"),
+        std::string("land --profile other"),
+        std::string("land --timeout nan"),
+        std::string("land --scenario"),
+        std::string("land extra"),
+        "detect" + rig,
+        "detect" + picture,
+        "detect --picture" + picture + rig,
+        "plan" + rig,
+        "plan --from 1,2" + rig,
+        "plan --from 1,2,x" + rig,
+        "plan --from 1,2,3,4" + rig,
+        "plan --from=nan,0,1" + rig,
+        "plan --from=-1,0,1 --platform-speed=inf" + rig,
+        "track" + rig,
+        "track x --method other" + rig,
+        "track x --method aruco" + rig,
+        "eval '" + good_tum_ + "'",
+        "eval '" + good_tum_ + "' '" + good_tum_ + "' --align sim3",
+        "eval '" + good_tum_ + "' '" + good_tum_ + "' --max-dt -1",
+        "eval '" + good_tum_ + "' '" + good_tum_ + "' --max-dt nan"}) {
+    const Ran ran = run(wrong);
+    EXPECT_EQ(ran.status, 2) << wrong << "\n" << ran.err;
+    EXPECT_EQ(ran.out, "") << wrong;
+    EXPECT_EQ(std::count(ran.err.begin(), ran.err.end(), '\n'), 1) << wrong << ran.err;
+    EXPECT_NE(ran.err.find("--help"), std::string::npos) << wrong << ran.err;
+  }
+}
+
+TEST_F(BadInput, FoldersThatCannotBeWritten) {
+  const std::string in_the_way = file("taken", "a file where a folder should be");
+  const std::string commands[] = {
+      "detect '" + at("good.png") + "' --rig '" + good_rig_ + "'",
+      "eval '" + good_tum_ + "' '" + good_tum_ + "'"};
+  for (const std::string& command : commands) {
+    for (const char* more : {"", " --json"}) {
+      check(command, run(command + more + " --out '" + in_the_way + "'"), 1, {"taken"});
+    }
+  }
+}
+
+}  // namespace
+}  // namespace alight
