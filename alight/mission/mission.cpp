@@ -101,7 +101,8 @@ bool Mission::settled(const MissionInput& in) {
     settling_ = true;
     settled_since_ = in.now;
   }
-  return to_seconds(in.now - settled_since_) >= config_.settle_s;
+  return to_seconds(in.now - settled_since_) >=
+         config_.settle_s + config_.settle_more_s * status_.attempts;
 }
 
 bool Mission::overruled(const MissionInput& in, Output& out) {

@@ -13,22 +13,24 @@ struct MissionConfig {
   Vector3 rendezvous_point = Vector3::Zero();
   // Distance of those two from the lens, in multiples of that from lens to pad: far
   // enough to see the whole approach, near enough to see well.
-  double follow_distance = 3.1;
-  double rendezvous_distance = 2.4;
+  double follow_distance = 2.7;
+  double rendezvous_distance = 2.2;
   double take_off_height_m = 0;  ///< First stop above the pad.
   bool start_on_floor = false;   ///< The first climb is blind.
 
   double climb_speed_m_s = 0.6;
   double move_speed_m_s = 0.9;
   double move_acceleration_m_s2 = 1.2;
-  double settle_s = 0.6;           ///< On the spot this long before going on,
+  double settle_s = 0.6;       ///< On the spot this long before going on,
+  double settle_more_s = 0.9;  ///< Longer by this after each landing that failed: what
+                               ///< came in between may come round regularly.
   double settle_error_m = 0.12;    ///< this near to the reference,
   double settle_speed_m_s = 0.35;  ///< and no faster against it.
 
   double plan_ahead_s = 0.12;  ///< From request to the start of the trajectory.
   double plan_retry_s = 0.25;
   int plan_tries = 8;    ///< Then back to follow.
-  int attempts_max = 5;  ///< Landings begun; then the drone holds.
+  int attempts_max = 8;  ///< Landings begun; then the drone holds.
 
   double commit_height_m = 0.22;  ///< Below, landing is the safe choice.
   double commit_error_m = 0.10;   ///< Horizontal error at which commit is refused.
