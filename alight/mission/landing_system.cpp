@@ -49,7 +49,9 @@ struct LandingSystem::Parts {
   AutopilotTelemetry telemetry;
   bool heading_known = false;
   RelativeState x_seen;
-  Setpoint last_track;            // what `track` sent last,
+  Eigen::Quaterniond tilt_at_rest = Eigen::Quaterniond::Identity();
+  bool rest_known = false;  // tilt_at_rest: what telemetry says of it before take-off
+  Setpoint last_track;      // what `track` sent last,
   double last_track_heading = 0;  // and the platform's heading then
 
   // Of the step under way.
@@ -58,6 +60,7 @@ struct LandingSystem::Parts {
 
   void take(const Event& event, Time now, Output& out, Probe* probe);
   void learn_heading(const AutopilotTelemetry& t);
+  void learn_rest(const AutopilotTelemetry& t);
   void external_pose(const FrameReport& frame, Output& out) const;
   Setpoint resting_setpoint(const PlatformState& at, double thrust) const;
   void control(const MissionCommand& command, Time now, const MotionState& state,
@@ -96,6 +99,14 @@ void LandingSystem::Parts::learn_heading(const AutopilotTelemetry& t) {
   heading_known = true;
 }
 
+void LandingSystem::Parts::learn_rest(const AutopilotTelemetry& t) {
+  if (t.armed) return;
+  const double yaw = yaw_of(t.q_IB.toRotationMatrix());
+  const Eigen::Quaterniond tilt(Eigen::AngleAxisd(-yaw, Vector3::UnitZ()) * t.q_IB);
+  tilt_at_rest = rest_known ? tilt_at_rest.slerp(0.2, tilt) : tilt;
+  rest_known = true;
+}
+
 void LandingSystem::Parts::take(const Event& event, Time now, Output& out,
                                 Probe* probe) {
   const auto timely = [&](Time captured) {
@@ -126,6 +137,7 @@ void LandingSystem::Parts::take(const Event& event, Time now, Output& out,
       telemetry = *t;
       link.heard(t->received);
       learn_heading(*t);
+      learn_rest(*t);
       response.correct_attitude(t->captured, t->q_IB.toRotationMatrix(),
                                 config.attitude_correction);
     }
@@ -178,18 +190,15 @@ Setpoint LandingSystem::Parts::resting_setpoint(const PlatformState& at,
     setpoint.yaw_rate = at.w_IN_N.z();
     return setpoint;
   }
-  // Thrust along the force that keeps it where it stands while the platform drives.
-  const Vector3 f_A =
-      R_AI * R_IN *
-      (inertial_acceleration_N(at, p, Vector3::Zero(), Vector3::Zero()) -
-       gravity_N(at));
-  const Vector3 z = f_A.normalized();
-  const Vector3 y =
-      z.cross(Vector3(std::cos(heading), std::sin(heading), 0)).normalized();
-  Matrix3 R;
-  R << y.cross(z), y, z;
+  // The attitude in which it stands, as the autopilot believes it to be, turning with
+  // the platform: any other would wind up its rate loop against the ground and kick the
+  // drone over when the feet come free.
+  const double standing =
+      yaw_of(telemetry.q_IB.toRotationMatrix()) +
+      wrap_angle(yaw_of(R_IN) - yaw_of(platform.at(telemetry.captured).X_IN.linear()));
   setpoint.kind = Setpoint::Kind::attitude;
-  setpoint.q_IB = Eigen::Quaterniond(R).normalized();
+  setpoint.q_IB =
+      (Eigen::AngleAxisd(standing, Vector3::UnitZ()) * tilt_at_rest).normalized();
   setpoint.thrust = thrust;
   return setpoint;
 }
