@@ -29,7 +29,16 @@ struct LandingSystem::Parts {
         motion(response, platform, c.attitude.drag_per_s),
         mission(c.mission, r),
         attitude(std::move(a)),
-        pid(std::move(p)) {}
+        pid(std::move(p)) {
+    if (config.mission.start_on_floor) return;
+    // It stands on the pad, facing the camera: where, to within a few centimetres.
+    Vector6 sd;
+    sd << Vector3(0.06, 0.06, 0.02), Vector3(6, 6, 10) * kDegree;
+    const Vector6 variance = sd.array().square();
+    estimator.expect(
+        make_pose(Matrix3::Identity(), Vector3(0, 0, rig.drone.gear_height_m)),
+        variance.asDiagonal());
+  }
 
   LandingConfig config;
   Rig rig;
@@ -308,6 +317,7 @@ void LandingSystem::step(const Input& input, Output& out, Probe* probe) {
     command = p.mission.step(in, out);
   }
   p.motion.on_ground = command.on_ground;
+  if (!command.on_ground) p.estimator.expect_nothing();
   if (command.lifted) {
     // The ground no longer says what the thrust is worth: at lift-off it equals weight.
     const double thrust =

@@ -46,8 +46,8 @@ struct MissionConfig {
 
   double ready_timeout_s = 8;  ///< For sight, link and platform before arming.
   double arm_timeout_s = 4;
-  double ramp_from = 0.55;  ///< Thrust at take-off, share of the nominal hover,
-  double ramp_rate = 1.4;   ///< its growth, 1/s,
+  double ramp_from = 0.7;   ///< Thrust at take-off, share of the nominal hover,
+  double ramp_rate = 0.25;  ///< its growth, 1/s,
   double ramp_to = 1.6;     ///< and its end.
   double ramp_timeout_s = 4;
   double lift_m = 0.015;          ///< Rise by which the drone has left the ground.

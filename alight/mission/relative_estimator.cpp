@@ -61,10 +61,13 @@ PredictionInput NoMotion::at(Time t, const RelativeState&) const {
 }
 
 RelativeEstimator::RelativeEstimator(const RelativeEstimatorConfig& config,
-                                     BlobDetector detector, LedFinder finder,
-                                     LedTracker tracker, RelativeFilter filter)
+                                     const Rig& rig, BlobDetector detector,
+                                     LedFinder finder, LedTracker tracker,
+                                     RelativeFilter filter)
     : config_(config),
       step_(from_seconds(config.prediction_step_ms * 1e-3)),
+      camera_(rig.camera),
+      leds_(rig.leds),
       detector_(std::move(detector)),
       finder_(std::move(finder)),
       tracker_(std::move(tracker)),
@@ -83,7 +86,7 @@ Result<RelativeEstimator> RelativeEstimator::create(
   if (!tracker) return fail(tracker.error());
   auto filter = RelativeFilter::create(config.filter, rig.camera, rig.leds);
   if (!filter) return fail(filter.error());
-  return RelativeEstimator(config, std::move(*detector), std::move(*finder),
+  return RelativeEstimator(config, rig, std::move(*detector), std::move(*finder),
                            std::move(*tracker), std::move(*filter));
 }
 
@@ -183,6 +186,9 @@ void RelativeEstimator::search(const CameraFrame& frame, FrameReport& out,
   {
     const ProbeScope scope(probe, Stage::associate);
     found = finder_.find(*blobs, frame.captured);
+    if (!found && expecting_ && !filter_.initialized()) {
+      if (auto expected = find_expected(*blobs, frame.captured)) found = expected;
+    }
   }
   if (!found) {
     out.why_not = found.error().fault == Fault::ambiguous
@@ -211,6 +217,33 @@ void RelativeEstimator::search(const CameraFrame& frame, FrameReport& out,
   out.tracked = true;
   out.initialized = true;
   out.why_not = "";
+}
+
+void RelativeEstimator::expect(const Pose& X_NB, const Matrix6& cov) {
+  expecting_ = true;
+  X_NB_expected_ = X_NB;
+  cov_expected_ = cov;
+}
+
+Result<FoundLeds> RelativeEstimator::find_expected(BlobSpan blobs, Time t) const {
+  FoundLeds found;
+  found.frame = tracker_.track(blobs, X_NB_expected_, cov_expected_, t);
+  if (found.frame.led_count() < std::max(4, leds_.size() - 1)) {
+    return fail(Fault::too_few_points);
+  }
+  const Matrix6 information = cov_expected_.inverse();
+  auto fit =
+      refine_pose(camera_, leds_, {found.frame.seen.data(), found.frame.seen.size()},
+                  X_NB_expected_, &information);
+  if (!fit) return fail(fit.error());
+  if (fit->rms_px > config_.reprojection_max_px) return fail(Fault::degenerate);
+  Vector6 off;
+  off << fit->X_NB.translation() - X_NB_expected_.translation(),
+      so3_log(X_NB_expected_.linear().transpose() * fit->X_NB.linear());
+  // Six degrees of freedom: beyond this the drone stands elsewhere.
+  if (off.dot(information * off) > 22.5) return fail(Fault::ambiguous);
+  found.fit = *fit;
+  return found;
 }
 
 void RelativeEstimator::report_state(FrameReport& out) const {

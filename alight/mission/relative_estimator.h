@@ -72,15 +72,25 @@ class RelativeEstimator {
   void restart_disturbance(const Vector3& b_N);
   void forget() { filter_.stop(); }
 
+  /// Where the drone stands, roughly, while nothing else is known of it: a search that
+  /// finds no single answer is decided by it. `cov` of (dp_NB, dR in B).
+  void expect(const Pose& X_NB, const Matrix6& cov);
+  void expect_nothing() { expecting_ = false; }
+
  private:
-  RelativeEstimator(const RelativeEstimatorConfig& config, BlobDetector detector,
-                    LedFinder finder, LedTracker tracker, RelativeFilter filter);
+  RelativeEstimator(const RelativeEstimatorConfig& config, const Rig& rig,
+                    BlobDetector detector, LedFinder finder, LedTracker tracker,
+                    RelativeFilter filter);
   void search(const CameraFrame& frame, FrameReport& out, Probe* probe);
   bool follow(const CameraFrame& frame, FrameReport& out, Probe* probe);
+  /// The LEDs where they are expected: a fit with all but one of them in view.
+  Result<FoundLeds> find_expected(BlobSpan blobs, Time t) const;
   void report_state(FrameReport& out) const;
 
   RelativeEstimatorConfig config_;
   Time step_;
+  Camera camera_;
+  Constellation leds_;
   BlobDetector detector_;
   LedFinder finder_;
   LedTracker tracker_;
@@ -88,6 +98,9 @@ class RelativeEstimator {
   Time last_frame_ = INT64_MIN;
   Time last_sight_ = 0;
   int misses_ = 0;
+  bool expecting_ = false;
+  Pose X_NB_expected_ = Pose::Identity();
+  Matrix6 cov_expected_ = Matrix6::Identity();
 };
 
 }  // namespace alight
