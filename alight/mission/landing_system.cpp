@@ -202,9 +202,9 @@ Setpoint LandingSystem::Parts::resting_setpoint(const PlatformState& at,
   // The attitude in which it stands, as the autopilot believes it to be, turning with
   // the platform: any other would wind up its rate loop against the ground and kick the
   // drone over when the feet come free.
+  // Its heading is held to the platform's: light on its feet it would stay behind.
   const double standing =
-      yaw_of(telemetry.q_IB.toRotationMatrix()) +
-      wrap_angle(yaw_of(R_IN) - yaw_of(platform.at(telemetry.captured).X_IN.linear()));
+      yaw_of(R_IN) + mission.heading_at_rest() + motion.autopilot_heading;
   setpoint.kind = Setpoint::Kind::attitude;
   setpoint.q_IB =
       (Eigen::AngleAxisd(standing, Vector3::UnitZ()) * tilt_at_rest).normalized();

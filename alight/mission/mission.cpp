@@ -13,6 +13,10 @@ constexpr Seconds kFreshSight = 0.15;
 // m within touch_settled_s: a third of what a landing sinks in that time.
 constexpr double kStillSinking = 0.005;
 
+double angle_between(const Vector3& a, const Vector3& b) {
+  return std::atan2(a.cross(b).norm(), a.dot(b));
+}
+
 double horizontal(const Vector3& v) { return v.head<2>().norm(); }
 
 }  // namespace
@@ -116,7 +120,15 @@ bool Mission::overruled(const MissionInput& in, Output& out) {
        "nothing heard from the drone: its autopilot acts alone", in, out);
     return true;
   }
-  if (in.mode == AutopilotMode::land || in.mode == AutopilotMode::failsafe) {
+  // A burst of losses puts the autopilot into its failsafe until set-points come again.
+  if (in.mode != AutopilotMode::failsafe) {
+    failsafe_ = false;
+  } else if (!failsafe_) {
+    failsafe_ = true;
+    failsafe_since_ = in.now;
+  }
+  if (in.mode == AutopilotMode::land ||
+      (failsafe_ && to_seconds(in.now - failsafe_since_) > config_.failsafe_s)) {
     go(MissionState::lost_link, "the autopilot's failsafe has taken over", in, out);
     return true;
   }
@@ -201,6 +213,7 @@ MissionCommand Mission::step(const MissionInput& in, Output& out) {
 void Mission::idle(const MissionInput& in, Output& out) {
   if (in.estimate_valid) {
     p_rest_ = in.x_seen.p_NB;
+    R_rest_ = in.x_seen.R_NB;
   }
   if (in.wish == OperatorWish::abort) {
     go(MissionState::refused, "the operator aborted before the start", in, out);
@@ -233,6 +246,7 @@ void Mission::idle(const MissionInput& in, Output& out) {
 void Mission::armed(const MissionInput& in, Command& c, Output& out) {
   if (in.estimate_valid) {
     p_rest_ = in.x_seen.p_NB;
+    R_rest_ = in.x_seen.R_NB;
   }
   c.mode = Command::Mode::idle;
   if (in.wish == OperatorWish::abort) {
@@ -285,8 +299,11 @@ void Mission::taken_off(const MissionInput& in, Command& c, Output& out) {
        in, out);
     return;
   }
-  const bool lifted = fresh && (config_.start_on_floor ||
-                                in.x_seen.p_NB.z() - p_rest_.z() > config_.lift_m);
+  const bool moved =
+      (in.x_seen.p_NB - p_rest_).norm() > config_.lift_m ||
+      angle_between(Vector3(in.x_seen.R_NB.col(2)), Vector3(R_rest_.col(2))) >
+          config_.lift_tilt_deg * kDegree;
+  const bool lifted = fresh && (config_.start_on_floor || moved);
   if (!lifted) return;
   airborne_ = true;
   c.lifted = true;

@@ -60,6 +60,8 @@ class Mission {
   const Maneuver& maneuver() const { return maneuver_; }
   const MissionStatus& status() const { return status_; }
   bool flying() const;
+  /// Heading in N in which the drone stood before take-off, rad.
+  double heading_at_rest() const { return yaw_of(R_rest_); }
 
  private:
   using Command = MissionCommand;
@@ -90,8 +92,11 @@ class Mission {
   Maneuver maneuver_;
   bool wanted_ = false;  // the operator said go
   bool airborne_ = false;
+  Matrix3 R_rest_ = Matrix3::Identity();
   Vector3 p_rest_ = Vector3::Zero();  // where it stood before take-off
 
+  bool failsafe_ = false;  // the autopilot's, for want of set-points
+  Time failsafe_since_ = 0;
   Time settled_since_ = 0;
   bool settling_ = false;
   Time last_order_ = 0;

@@ -46,11 +46,13 @@ struct MissionConfig {
 
   double ready_timeout_s = 8;  ///< For sight, link and platform before arming.
   double arm_timeout_s = 4;
-  double ramp_from = 0.7;   ///< Thrust at take-off, share of the nominal hover,
-  double ramp_rate = 0.25;  ///< its growth, 1/s,
-  double ramp_to = 1.6;     ///< and its end.
+  double ramp_from = 0.7;  ///< Thrust at take-off, share of the nominal hover,
+  double ramp_rate = 1.4;  ///< its growth, 1/s,
+  double ramp_to = 1.6;    ///< and its end.
   double ramp_timeout_s = 4;
-  double lift_m = 0.015;          ///< Rise by which the drone has left the ground.
+  double lift_m = 0.012;          ///< Motion by which the drone has left the ground.
+  double lift_tilt_deg = 4;       ///< Or tilt: it comes off on one side first.
+  double failsafe_s = 1;          ///< The autopilot's failsafe is given this to end.
   double blind_max_s = 4;         ///< From the floor: sight must come by then.
   double blind_ramp_rate = 0.25;  ///< As ramp_rate, from the floor: sight comes late.
   double battery_min = 0.15;      ///< Share; below, a start is refused.

@@ -16,8 +16,8 @@ namespace alight {
 namespace {
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-constexpr double kHardContact = 0.8;   // m/s, CONTRACT
-constexpr double kTrackedM = 0.15;     // CONTRACT: tracked
+constexpr double kHardContact = 0.8;  // m/s, CONTRACT
+constexpr double kTrackedM = 0.15;    // CONTRACT: tracked
 constexpr double kTrackedRad = 15 * kDegree;
 constexpr Seconds kRestAfterStop = 1.0;
 
@@ -53,7 +53,8 @@ class Tally {
     position_.add(e.head<3>().squaredNorm());
     rotation_.add(e.segment<3>(3).squaredNorm());
     velocity_.add(e.tail<3>().squaredNorm());
-    if (e.head<3>().norm() < kTrackedM && e.segment<3>(3).norm() < kTrackedRad) ++tracked_;
+    if (e.head<3>().norm() < kTrackedM && e.segment<3>(3).norm() < kTrackedRad)
+      ++tracked_;
     const double nees = e.dot(report.cov.ldlt().solve(e));
     if (std::isfinite(nees)) nees_.add(nees);
   }
@@ -132,14 +133,22 @@ SceneAt scene(const TruthState& truth) { return {truth.platform.X_IN, truth.X_NB
 
 const char* to_string(Outcome outcome) {
   switch (outcome) {
-    case Outcome::landed: return "landed";
-    case Outcome::held: return "held";
-    case Outcome::aborted: return "aborted";
-    case Outcome::refused: return "refused";
-    case Outcome::landed_elsewhere: return "landed_elsewhere";
-    case Outcome::lost_link_landing: return "lost_link_landing";
-    case Outcome::crashed: return "crashed";
-    case Outcome::timeout: return "timeout";
+    case Outcome::landed:
+      return "landed";
+    case Outcome::held:
+      return "held";
+    case Outcome::aborted:
+      return "aborted";
+    case Outcome::refused:
+      return "refused";
+    case Outcome::landed_elsewhere:
+      return "landed_elsewhere";
+    case Outcome::lost_link_landing:
+      return "lost_link_landing";
+    case Outcome::crashed:
+      return "crashed";
+    case Outcome::timeout:
+      return "timeout";
   }
   return "timeout";
 }
@@ -266,7 +275,10 @@ void Loop::carry_out(Time now) {
     if (observer_ != nullptr) observer_->on_plan(out_.plan_request, arrival.result);
     plans_.push_back(arrival);
   }
-  was_lost_link_ |= out_.mission.state == MissionState::lost_link;
+  // How it came down is decided by the last state it flew in.
+  if (out_.mission.state != MissionState::complete) {
+    was_lost_link_ = out_.mission.state == MissionState::lost_link;
+  }
 }
 
 void Loop::judge(LandingResult& result) const {
