@@ -8,8 +8,8 @@
 namespace alight {
 
 /// A small world for the controller alone: point mass behind a second DroneResponse
-/// with its own errors, a camera that sees positions late, a linear steady-state
-/// filter.
+/// with its own errors and air resistance, a camera that sees positions late, a linear
+/// steady-state filter that predicts with the controller's air resistance.
 struct AttitudeLoop {
   LoopModel model;  ///< gains, delays, filter
   LoopError error;  ///< how the drone differs
@@ -21,6 +21,7 @@ struct AttitudeLoop {
   double position_noise_m = 0;
   double velocity_noise_m_s = 0;  ///< on what the controller is handed
   double autopilot_heading = 0;
+  double drag_per_s = 0.35;  ///< The world's; the filter believes the controller's.
   double filter_sd_m = 0.005;
   bool poison = false;  ///< Every 7th step's input is NaN.
   std::uint64_t seed = 1;
@@ -76,7 +77,7 @@ struct AttitudeLoop {
         const Time next = std::min(to, t + DroneResponse::kGrid);
         const Seconds dt = to_seconds(next - t);
         const Vector3 a = R_AI.transpose() * response.at((t + next) / 2).f_I() + d -
-                          Vector3(0, 0, kGravity);
+                          m.gains.drag_per_s * xv - Vector3(0, 0, kGravity);
         x += dt * xv + 0.5 * dt * dt * a;
         xv += dt * a;
         t = next;
@@ -139,7 +140,7 @@ struct AttitudeLoop {
         const Vector3 d =
             to_seconds(t) >= disturbance_from ? disturbance_I : Vector3::Zero();
         const Vector3 a = R_AI.transpose() * drone.at(t + 500'000).f_I() + d -
-                          Vector3(0, 0, kGravity);
+                          drag_per_s * v - Vector3(0, 0, kGravity);
         p += 1e-3 * v + 0.5e-6 * a;
         v += 1e-3 * a;
       }
