@@ -7,14 +7,14 @@ namespace alight {
 
 /// What a caller may branch on; anything else goes in `detail`.
 enum class Fault {
-  invalid_config,    ///< A setting out of range, of the wrong kind or unknown.
-  invalid_input,     ///< Data that cannot be what it says: NaN, wrong size, back in time.
-  too_few_points,    ///< Fewer LEDs in view than the problem needs.
-  degenerate,        ///< The geometry does not decide the answer.
-  no_convergence,    ///< An iteration ran out before its tolerance.
-  ambiguous,         ///< Two answers fit about equally well.
-  infeasible,        ///< No trajectory satisfies the constraints.
-  io                 ///< A file, folder or device that cannot be read or written.
+  invalid_config,  ///< A setting out of range, of the wrong kind or unknown.
+  invalid_input,   ///< Data that cannot be what it says: NaN, wrong size, back in time.
+  too_few_points,  ///< Fewer LEDs in view than the problem needs.
+  degenerate,      ///< The geometry does not decide the answer.
+  no_convergence,  ///< An iteration ran out before its tolerance.
+  ambiguous,       ///< Two answers fit about equally well.
+  infeasible,      ///< No trajectory satisfies the constraints.
+  io               ///< A file, folder or device that cannot be read or written.
 };
 
 /// An expected failure.

@@ -4,8 +4,8 @@
 
 namespace alight {
 
-/// Nanoseconds of the one brain clock. Integer, so that equal instants compare equal and
-/// a replay reproduces every bit.
+/// Nanoseconds of the one brain clock. Integer, so that equal instants compare equal
+/// and a replay reproduces every bit.
 using Time = std::int64_t;
 
 /// Seconds, for durations that enter arithmetic.

@@ -39,7 +39,8 @@ std::optional<Vector2> Intrinsics::project(const Vector3& p_CL) const {
   return Vector2(fx * n.x() + cx, fy * n.y() + cy);
 }
 
-std::optional<Vector2> Intrinsics::project(const Vector3& p_CL, Matrix23& duv_dp) const {
+std::optional<Vector2> Intrinsics::project(const Vector3& p_CL,
+                                           Matrix23& duv_dp) const {
   if (!(p_CL.z() > kNearest)) return std::nullopt;
   const double iz = 1 / p_CL.z();
   Vector2 n = p_CL.head<2>() * iz;

@@ -12,14 +12,15 @@ using Matrix23 = Eigen::Matrix<double, 2, 3>;
 using Matrix26 = Eigen::Matrix<double, 2, 6>;
 
 /// Pinhole camera with Brown's radial-tangential distortion (Brown 1971, the order of
-/// OpenCV). Pixel centres lie at whole numbers; (0, 0) is the centre of the first pixel.
+/// OpenCV). Pixel centres lie at whole numbers; (0, 0) is the centre of the first
+/// pixel.
 struct Intrinsics {
   int width = 848;
   int height = 480;
-  double fx = 415.872;  ///< px
-  double fy = 415.571;  ///< px
-  double cx = 423.296;  ///< px
-  double cy = 248.135;  ///< px
+  double fx = 415.872;                 ///< px
+  double fy = 415.571;                 ///< px
+  double cx = 423.296;                 ///< px
+  double cy = 248.135;                 ///< px
   std::array<double, 5> distortion{};  ///< k1 k2 p1 p2 k3
 
   bool has_distortion() const;

@@ -8,24 +8,36 @@ namespace alight {
 
 const char* to_string(LedColor color) {
   switch (color) {
-    case LedColor::none: return "none";
-    case LedColor::red: return "red";
-    case LedColor::green: return "green";
-    case LedColor::blue: return "blue";
-    case LedColor::white: return "white";
+    case LedColor::none:
+      return "none";
+    case LedColor::red:
+      return "red";
+    case LedColor::green:
+      return "green";
+    case LedColor::blue:
+      return "blue";
+    case LedColor::white:
+      return "white";
   }
   return "none";
 }
 
 const char* to_string(Refusal refusal) {
   switch (refusal) {
-    case Refusal::no_led_near: return "no_led_near";
-    case Refusal::wrong_color: return "wrong_color";
-    case Refusal::too_small: return "too_small";
-    case Refusal::too_large: return "too_large";
-    case Refusal::other_is_nearer: return "other_is_nearer";
-    case Refusal::off_constellation: return "off_constellation";
-    case Refusal::gated: return "gated";
+    case Refusal::no_led_near:
+      return "no_led_near";
+    case Refusal::wrong_color:
+      return "wrong_color";
+    case Refusal::too_small:
+      return "too_small";
+    case Refusal::too_large:
+      return "too_large";
+    case Refusal::other_is_nearer:
+      return "other_is_nearer";
+    case Refusal::off_constellation:
+      return "off_constellation";
+    case Refusal::gated:
+      return "gated";
   }
   return "no_led_near";
 }

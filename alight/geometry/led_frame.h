@@ -15,22 +15,22 @@ const char* to_string(LedColor color);
 
 /// What the picture says of one LED, or of several whose images ran together.
 struct LedObservation {
-  std::uint16_t leds = 0;   ///< Bit i: LED i of the rig contributes. The measurement is
-                            ///< of the mean of their images.
-  Vector2 uv = Vector2::Zero();        ///< px
-  Matrix2 cov = Matrix2::Identity();   ///< px^2, of `uv`
-  double depth_m = 0;       ///< Along the optical axis; 0 when unknown.
+  std::uint16_t leds = 0;  ///< Bit i: LED i of the rig contributes. The measurement is
+                           ///< of the mean of their images.
+  Vector2 uv = Vector2::Zero();       ///< px
+  Matrix2 cov = Matrix2::Identity();  ///< px^2, of `uv`
+  double depth_m = 0;                 ///< Along the optical axis; 0 when unknown.
 };
 
 /// Why a blob was not used.
 enum class Refusal : std::uint8_t {
-  no_led_near,      ///< No LED is expected there.
+  no_led_near,  ///< No LED is expected there.
   wrong_color,
   too_small,
   too_large,
-  other_is_nearer,  ///< Its LED took a better blob.
-  off_constellation, ///< Does not fit the pose that the others agree on.
-  gated             ///< The filter found it improbable.
+  other_is_nearer,    ///< Its LED took a better blob.
+  off_constellation,  ///< Does not fit the pose that the others agree on.
+  gated               ///< The filter found it improbable.
 };
 const char* to_string(Refusal refusal);
 

@@ -17,8 +17,8 @@ PlatformState predict(const PlatformState& state, Seconds dt) {
   next.t = state.t + from_seconds(dt);
   const Vector3 turn = state.w_IN_N * dt;
   // Integral of Exp(w s) over [0, dt]: the left Jacobian, J_l(x) = J_r(-x).
-  next.X_IN.translation() += state.X_IN.linear() *
-                             (so3_right_jacobian(-turn) * (state.v_IN_N * dt));
+  next.X_IN.translation() +=
+      state.X_IN.linear() * (so3_right_jacobian(-turn) * (state.v_IN_N * dt));
   next.X_IN.linear() = orthonormalized(state.X_IN.linear() * so3_exp(turn));
   return next;
 }

@@ -3,7 +3,8 @@
 namespace alight {
 
 RelativeState boxplus(const RelativeState& x, const Vector9& d) {
-  return {x.p_NB + d.head<3>(), x.R_NB * so3_exp(d.segment<3>(3)), x.v_NB + d.tail<3>()};
+  return {x.p_NB + d.head<3>(), x.R_NB * so3_exp(d.segment<3>(3)),
+          x.v_NB + d.tail<3>()};
 }
 
 Vector9 boxminus(const RelativeState& a, const RelativeState& b) {

@@ -13,9 +13,9 @@ using Covariance9 = Matrix9;
 
 /// The state of the paper (eqn:states): x = (p, R, v) on R3 x SO(3) x R3.
 struct RelativeState {
-  Vector3 p_NB = Vector3::Zero();     ///< m
+  Vector3 p_NB = Vector3::Zero();  ///< m
   Matrix3 R_NB = Matrix3::Identity();
-  Vector3 v_NB = Vector3::Zero();     ///< m/s, derivative taken in N.
+  Vector3 v_NB = Vector3::Zero();  ///< m/s, derivative taken in N.
 
   Pose X_NB() const { return make_pose(R_NB, p_NB); }
 };

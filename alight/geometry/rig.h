@@ -10,7 +10,7 @@
 namespace alight {
 
 struct Led {
-  Vector3 p_BL = Vector3::Zero();  ///< m
+  Vector3 p_BL = Vector3::Zero();   ///< m
   LedColor color = LedColor::none;  ///< none: any colour (infrared rigs)
 };
 

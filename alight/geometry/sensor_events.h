@@ -9,8 +9,8 @@
 
 namespace alight {
 
-/// What reaches the brain, each with the time it was captured and received on the brain's
-/// clock. Nothing here is the truth, but TruthSample, which is never acted on.
+/// What reaches the brain, each with the time it was captured and received on the
+/// brain's clock. Nothing here is the truth, but TruthSample, which is never acted on.
 
 /// A picture; the pixels stay the sender's and are read only during the step.
 struct CameraFrame {
@@ -41,8 +41,9 @@ enum class AutopilotMode : std::uint8_t { manual, offboard, land, hold, failsafe
 struct AutopilotTelemetry {
   Time captured = 0;
   Time received = 0;
-  Eigen::Quaterniond q_IB = Eigen::Quaterniond::Identity();  ///< The autopilot's belief.
-  Vector3 w_IB_B = Vector3::Zero();  ///< rad/s, its gyros
+  Eigen::Quaterniond q_IB =
+      Eigen::Quaterniond::Identity();  ///< The autopilot's belief.
+  Vector3 w_IB_B = Vector3::Zero();    ///< rad/s, its gyros
   bool armed = false;
   AutopilotMode mode = AutopilotMode::manual;
   double battery = 1;  ///< Remaining share, 0 to 1.

@@ -37,7 +37,7 @@ enum class AutopilotOrder : std::uint8_t {
 struct ExternalPose {
   Time captured = 0;
   Pose X_IB = Pose::Identity();
-  Vector3 v_IB = Vector3::Zero();          ///< m/s, in I
+  Vector3 v_IB = Vector3::Zero();             ///< m/s, in I
   Covariance9 cov = Covariance9::Identity();  ///< [p, R, v], with the odometry's share
   std::uint32_t resets = 0;  ///< Counts jumps of the odometry: a reset, not motion.
 };

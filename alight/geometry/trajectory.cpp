@@ -19,8 +19,7 @@ void evaluate_bezier(const std::array<Vector3, kControlPoints>& c, double u, Sec
   };
   constexpr double n = kControlPoints - 1;
   while (level > 3) reduce();
-  out.j_NB =
-      n * (n - 1) * (n - 2) / (T * T * T) * (b[3] - 3 * b[2] + 3 * b[1] - b[0]);
+  out.j_NB = n * (n - 1) * (n - 2) / (T * T * T) * (b[3] - 3 * b[2] + 3 * b[1] - b[0]);
   reduce();
   out.a_NB = n * (n - 1) / (T * T) * (b[2] - 2 * b[1] + b[0]);
   reduce();

@@ -6,7 +6,7 @@
 
 namespace alight {
 
-inline constexpr int kSegments = 2;  ///< rear space, touch-down space
+inline constexpr int kSegments = 2;       ///< rear space, touch-down space
 inline constexpr int kControlPoints = 8;  ///< degree 7
 
 /// Piecewise Bezier curve in N (paper, eqn:MP_Bernstein): segment k lasts durations[k]

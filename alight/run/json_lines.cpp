@@ -73,12 +73,13 @@ std::string plan_line(Time t, const PlanResult& plan) {
          {"reason", plan.ok() ? "solved" : plan.reason},
          {"start", seconds(plan.start)}};
   if (plan.ok()) {
-    j["durations_s"] = Json::array(
-        {plan.trajectory.durations[0], plan.trajectory.durations[1]});
+    j["durations_s"] =
+        Json::array({plan.trajectory.durations[0], plan.trajectory.durations[1]});
     j["jerk_cost"] = plan.jerk_cost;
     Json certificate = Json::array();
     for (const CertificateEntry& entry : plan.certificate) {
-      certificate.push_back({{"constraint", entry.constraint}, {"margin", entry.margin}});
+      certificate.push_back(
+          {{"constraint", entry.constraint}, {"margin", entry.margin}});
     }
     j["certificate"] = std::move(certificate);
   }

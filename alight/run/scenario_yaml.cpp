@@ -140,7 +140,9 @@ class Writer {
 
   void field(const char* key, const double& value) { line(key, number_text(value)); }
   void field(const char* key, const int& value) { line(key, std::to_string(value)); }
-  void field(const char* key, const bool& value) { line(key, value ? "true" : "false"); }
+  void field(const char* key, const bool& value) {
+    line(key, value ? "true" : "false");
+  }
   template <class Enum>
   void choice(const char* key, Enum& value, std::initializer_list<Enum>) {
     line(key, to_string(value));

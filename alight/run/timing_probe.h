@@ -13,7 +13,8 @@ class TimingProbe final : public Probe {
  public:
   void begin(Stage stage) override { of(stage).start = Clock::now(); }
   void end(Stage stage) override {
-    const std::chrono::duration<double, std::micro> took = Clock::now() - of(stage).start;
+    const std::chrono::duration<double, std::micro> took =
+        Clock::now() - of(stage).start;
     of(stage).us.push_back(took.count());
   }
   const std::vector<double>& us(Stage stage) const {

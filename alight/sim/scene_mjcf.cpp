@@ -114,7 +114,8 @@ std::string scene_mjcf(const TrueRig& rig, Seconds step) {
   Mjcf out;
   // Gravity is applied to the drone alone, as a force: the platform's motion is given.
   out << "<mujoco><compiler angle='radian'/>\n<option timestep='" << step
-      << "' gravity='0 0 0' cone='elliptic' impratio='100' iterations='8' tolerance='1e-6'>"
+      << "' gravity='0 0 0' cone='elliptic' impratio='100' iterations='8' "
+         "tolerance='1e-6'>"
          "<flag energy='disable'/></option>\n"
          "<size nconmax='64' njmax='256'/>\n"
          "<default><geom friction='0.8 0.003 0.0001' solref='0.01 1'/>\n"

@@ -13,7 +13,7 @@ namespace alight {
 struct TrueExtras {
   Matrix3 R_FB = Matrix3::Identity();  ///< LED frame in the mechanical frame.
   Vector3 p_FCom = Vector3::Zero();    ///< Centre of mass in F, m.
-  double thrust_scale = 1;  ///< Of the maximum thrust that the rig file implies.
+  double thrust_scale = 1;   ///< Of the maximum thrust that the rig file implies.
   double drag_per_s = 0.35;  ///< Linear air resistance over mass; no rig file has it.
 };
 

@@ -184,7 +184,8 @@ Wrench World::Parts::air_and_rotors(const BodyMotion& body, const PlatformState&
   }
   const Wrench rotors_F = rotors.wrench(ground);
   Wrench sum;
-  sum.force = R_IF * rotors_F.force - drone.mass_kg * rig.extras.drag_per_s * (body.v_IF - air_I);
+  sum.force = R_IF * rotors_F.force -
+              drone.mass_kg * rig.extras.drag_per_s * (body.v_IF - air_I);
   const Vector3 damping_F = kRateDamping * drone.inertia_kg_m2.cwiseProduct(body.w_F);
   sum.moment = R_IF * (rotors_F.moment - damping_F);
   return sum;
