@@ -158,8 +158,8 @@ TEST(AttitudeLoop, StandsFiftyMillisecondsMore) {
   loop.error.extra_delay = 0.050;
   loop.disturbance_I = Vector3(0.8, 0, -0.6);
   const auto r = loop.run(20, 10);
-  EXPECT_LT(r.rms_m, 0.06);
-  EXPECT_LT(r.last_rms_m, 0.06);
+  EXPECT_LT(r.rms_m, 0.03);
+  EXPECT_LT(r.last_rms_m, 0.03);
 }
 
 TEST(AttitudeLoop, StandsTheWrongThrustAndLag) {
