@@ -28,7 +28,7 @@ bool finite(const AttitudeInput& in) {
          std::isfinite(in.response.thrust_m_s2) &&
          std::isfinite(in.response.thrust_rate_m_s3) &&
          std::isfinite(in.autopilot_heading) && in.d_N.allFinite() &&
-         finite(in.reference) && std::isfinite(in.tilt_limit_rad);
+         in.b_N.allFinite() && finite(in.reference) && std::isfinite(in.tilt_limit_rad);
 }
 
 /// Body z along `f`, heading `yaw`. @pre f points up.
@@ -120,21 +120,29 @@ AttitudeOutput AttitudeController::step(const AttitudeInput& in, Seconds dt) {
   const FlatState& r = in.reference;
   const Vector3 d_now =
       R_NA.transpose() * clamped(in.d_N, config_.disturbance_max_m_s2);
-  if (!has_d_) d_A_ = d_now;
+  const Vector3 b_now = clamped(in.b_N, config_.disturbance_max_m_s2);
+  if (!has_d_) {
+    d_A_ = d_now;
+    b_N_ = b_now;
+  }
   has_d_ = true;
-  d_A_ += (d_now - d_A_) * (1 - std::exp(-dt / config_.disturbance_lag_s));
-  const Vector3 d_N = R_NA * d_A_;
+  // Each in the frame in which it rests: the other would lag behind in a turn.
+  const double newest = 1 - std::exp(-dt / config_.disturbance_lag_s);
+  d_A_ += (d_now - d_A_) * newest;
+  b_N_ += (b_now - b_N_) * newest;
+  const Vector3 wind_N = R_NA * d_A_;
+  const Vector3 d_N = wind_N + b_N_;
   const Vector3 f = wished_force_N(in.platform, r, d_N, config_.drag_per_s);
   FlatState later = r;
   later.p_NB += kStep * r.v_NB;
   later.v_NB += kStep * r.a_NB;
   later.a_NB += kStep * r.j_NB;
-  // The disturbance is taken as fixed in I, hence turning in N.
+  // Wind is fixed in I, hence turning in N.
   const Vector3 turn = kStep * in.platform.w_IN_N;
   const Matrix3 R_later = so3_exp(turn);
   const Vector3 f_later =
       R_later * wished_force_N(predict(in.platform, kStep), later,
-                               R_later.transpose() * d_N, config_.drag_per_s);
+                               R_later.transpose() * wind_N + b_N_, config_.drag_per_s);
   const Vector3 f_rate = (f_later - f) / kStep;
   const Vector3 f_model = R_NA * in.response.f_I();
   const Vector3 f_rate_model = R_NA * in.response.f_rate_I();

@@ -44,7 +44,8 @@ struct AttitudeInput {
   DroneResponse::Sample response;  ///< The model's attitude and thrust at t_eff,
   double autopilot_heading = 0;    ///< in the autopilot's frame, in which I's x axis
                                    ///< has this heading, rad.
-  Vector3 d_N = Vector3::Zero();   ///< Disturbance acceleration, from the estimator.
+  Vector3 d_N = Vector3::Zero();   ///< Disturbance fixed in I (wind), m/s^2, and
+  Vector3 b_N = Vector3::Zero();  ///< fixed in N (drag, tilt, thrust): the estimator's.
   FlatState reference;
   double tilt_limit_rad = 35 * kDegree;  ///< Shrinks as the link ages.
 };
@@ -88,6 +89,7 @@ class AttitudeController {
   double tilt_max_ = 0;            // rad
   double thrust_full_ = 0;         // m/s^2 at share 1
   Vector3 d_A_ = Vector3::Zero();  // low-passed, in the autopilot's frame
+  Vector3 b_N_ = Vector3::Zero();  // low-passed, in N
   bool has_d_ = false;
 };
 

@@ -255,7 +255,8 @@ void LandingSystem::Parts::control(const MissionCommand& command, Time now,
       in.state = ahead.x;
       in.response = response.at(t_eff);
       in.autopilot_heading = motion.autopilot_heading;
-      in.d_N = ahead.disturbance_N();
+      in.d_N = ahead.d_N;
+      in.b_N = ahead.b_N;
       in.reference = mission.maneuver().at(t_eff);
       in.tilt_limit_rad = command.tilt_limit;
       out.setpoint =
