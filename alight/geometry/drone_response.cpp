@@ -2,7 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <sstream>
+
+#include "alight/base/bounds.h"
 
 namespace alight {
 namespace {
@@ -34,29 +35,18 @@ Matrix3 attitude_along(const Vector3& f, double yaw) {
 }  // namespace
 
 Result<void> DroneResponseConfig::validate() const {
-  const struct {
-    const char* name;
-    double value, low, high;
-  } bounds[] = {{"response.omega_rad_s", omega_rad_s, 1, 60},
-                {"response.zeta", zeta, 0.1, 3},
-                {"response.delay_ms", delay_ms, 0, 200},
-                {"response.thrust_delay_ms", thrust_delay_ms, 0, 200},
-                {"response.motor_ms", motor_ms, 1, 500},
-                {"response.thrust_to_weight", thrust_to_weight, 1.2, 20},
-                {"response.velocity_gain", velocity_gain, 0, 20},
-                {"response.velocity_gain_z", velocity_gain_z, 0, 20},
-                {"response.velocity_integral", velocity_integral, 0, 20},
-                {"response.velocity_integral_z", velocity_integral_z, 0, 20},
-                {"response.velocity_damping", velocity_damping, 0, 5},
-                {"response.tilt_max_deg", tilt_max_deg, 1, 80}};
-  for (const auto& b : bounds) {
-    if (b.value >= b.low && b.value <= b.high) continue;
-    std::ostringstream text;
-    text << b.name << " is " << b.value << ", must lie in [" << b.low << ", " << b.high
-         << "]";
-    return fail(Fault::invalid_config, text.str());
-  }
-  return {};
+  return check_bounds({{"response.omega_rad_s", omega_rad_s, 1, 60},
+                       {"response.zeta", zeta, 0.1, 3},
+                       {"response.delay_ms", delay_ms, 0, 200},
+                       {"response.thrust_delay_ms", thrust_delay_ms, 0, 200},
+                       {"response.motor_ms", motor_ms, 1, 500},
+                       {"response.thrust_to_weight", thrust_to_weight, 1.2, 20},
+                       {"response.velocity_gain", velocity_gain, 0, 20},
+                       {"response.velocity_gain_z", velocity_gain_z, 0, 20},
+                       {"response.velocity_integral", velocity_integral, 0, 20},
+                       {"response.velocity_integral_z", velocity_integral_z, 0, 20},
+                       {"response.velocity_damping", velocity_damping, 0, 5},
+                       {"response.tilt_max_deg", tilt_max_deg, 1, 80}});
 }
 
 Vector3 DroneResponse::Sample::f_rate_I() const {

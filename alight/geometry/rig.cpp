@@ -1,35 +1,13 @@
 #include "alight/geometry/rig.h"
 
-#include <cmath>
-#include <sstream>
+#include "alight/base/bounds.h"
 
 namespace alight {
 namespace {
 
-/// Collects the first complaint.
-class Check {
- public:
-  void range(const char* name, double value, double low, double high) {
-    if (!failed_.empty() || (value >= low && value <= high)) return;
-    std::ostringstream text;
-    text << name << " is " << value << ", must lie in [" << low << ", " << high << "]";
-    failed_ = text.str();
-  }
-  void finite(const std::string& name, const Vector3& v) {
-    if (!failed_.empty() || v.allFinite()) return;
-    failed_ = name + " holds a number that is not finite";
-  }
-  void that(bool holds, const std::string& complaint) {
-    if (failed_.empty() && !holds) failed_ = complaint;
-  }
-  Result<void> result() const {
-    if (failed_.empty()) return {};
-    return fail(Fault::invalid_config, failed_);
-  }
-
- private:
-  std::string failed_;
-};
+void finite(FirstComplaint& check, const std::string& name, const Vector3& v) {
+  check.that(v.allFinite(), name + " holds a number that is not finite");
+}
 
 const Matrix3& R_HC() {
   // Optical x is the housing's -y, optical y its -z, optical z its x.
@@ -40,7 +18,7 @@ const Matrix3& R_HC() {
 }  // namespace
 
 Result<void> Rig::validate() const {
-  Check check;
+  FirstComplaint check;
   const Intrinsics& k = camera.intrinsics;
   check.range("camera.width", k.width, 16, 10000);
   check.range("camera.height", k.height, 16, 10000);
@@ -53,14 +31,14 @@ Result<void> Rig::validate() const {
   check.range("camera.exposure_ms", timing.exposure_ms, 0.001, 1000 / timing.rate_hz);
   check.range("camera.readout_ms", timing.readout_ms, 0, 100);
   check.range("camera.frame_to_use_ms", timing.frame_to_use_ms, 0, 400);
-  check.finite("mount.xyz_m", camera.X_NC.translation());
+  finite(check, "mount.xyz_m", camera.X_NC.translation());
   check.that(camera.X_NC.linear().allFinite(), "mount.rpy_deg is not finite");
   check.that(leds.size() >= 4, "leds: at least 4 are needed for a pose, found " +
                                    std::to_string(leds.size()));
   for (int i = 0; i < leds.size(); ++i) {
     const std::string name = "leds[" + std::to_string(i) + "].xyz_m";
-    check.finite(name, leds.p_BL(i));
-    check.range(name.c_str(), leds.p_BL(i).norm(), 0, 5);
+    finite(check, name, leds.p_BL(i));
+    check.range(name, leds.p_BL(i).norm(), 0, 5);
     for (int j = 0; j < i; ++j) {
       check.that((leds.p_BL(i) - leds.p_BL(j)).norm() > 1e-3,
                  "leds[" + std::to_string(j) + "] and leds[" + std::to_string(i) +
@@ -81,8 +59,8 @@ Result<void> Rig::validate() const {
   check.range("pad.size_m", pad.size_m, 0.05, 50);
   check.range("pad.above_floor_m", pad.above_floor_m, 0, 50);
   for (const Obstacle& box : pad.obstacles) {
-    check.finite("pad.obstacles", box.min_m);
-    check.finite("pad.obstacles", box.max_m);
+    finite(check, "pad.obstacles", box.min_m);
+    finite(check, "pad.obstacles", box.max_m);
     check.that((box.max_m - box.min_m).minCoeff() > 0,
                "pad.obstacles: max_m must exceed min_m on every axis");
   }

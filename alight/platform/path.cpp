@@ -3,19 +3,13 @@
 #include <cassert>
 #include <cmath>
 #include <limits>
-#include <sstream>
+
+#include "alight/base/bounds.h"
 
 namespace alight {
 namespace {
 
 constexpr double kInfinite = std::numeric_limits<double>::infinity();
-
-Result<void> range(const char* name, double value, double low, double high) {
-  if (value >= low && value <= high) return {};
-  std::ostringstream text;
-  text << name << " is " << value << ", must lie in [" << low << ", " << high << "]";
-  return fail(Fault::invalid_config, text.str());
-}
 
 PathPoint advance(const PathPoint& start, double curvature, double ds) {
   PathPoint point = start;
@@ -32,9 +26,9 @@ PathPoint advance(const PathPoint& start, double curvature, double ds) {
 }  // namespace
 
 Result<void> PathConfig::validate() const {
-  if (auto ok = range("radius_m", radius_m, 0.1, 1000); !ok) return ok;
-  if (auto ok = range("side_m", side_m, 0.2, 1000); !ok) return ok;
-  return range("corner_radius_m", corner_radius_m, 0, side_m / 2);
+  return check_bounds({{"radius_m", radius_m, 0.1, 1000},
+                       {"side_m", side_m, 0.2, 1000},
+                       {"corner_radius_m", corner_radius_m, 0, side_m / 2}});
 }
 
 Path::Path(const PathConfig& config) {

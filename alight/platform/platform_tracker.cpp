@@ -4,7 +4,8 @@
 #include <cassert>
 #include <cmath>
 #include <limits>
-#include <sstream>
+
+#include "alight/base/bounds.h"
 
 namespace alight {
 namespace {
@@ -34,25 +35,12 @@ bool is_rotation(const Matrix3& R) {
 }  // namespace
 
 Result<void> PlatformTrackerConfig::validate() const {
-  const struct {
-    const char* name;
-    double value, low, high;
-  } fields[] = {
-      {"velocity_tau_s", velocity_tau_s, 1e-3, 5},
-      {"yaw_rate_tau_s", yaw_rate_tau_s, 1e-3, 5},
-      {"acceleration_tau_s", acceleration_tau_s, 1e-3, 5},
-      {"stale_after_s", stale_after_s, 0.01, 10},
-      {"predict_max_s", predict_max_s, 0.01, 10},
-      {"gap_max_s", gap_max_s, 0.01, 10},
-  };
-  for (const auto& field : fields) {
-    if (field.value >= field.low && field.value <= field.high) continue;
-    std::ostringstream text;
-    text << field.name << " is " << field.value << ", must lie in [" << field.low
-         << ", " << field.high << "]";
-    return fail(Fault::invalid_config, text.str());
-  }
-  return {};
+  return check_bounds({{"velocity_tau_s", velocity_tau_s, 1e-3, 5},
+                       {"yaw_rate_tau_s", yaw_rate_tau_s, 1e-3, 5},
+                       {"acceleration_tau_s", acceleration_tau_s, 1e-3, 5},
+                       {"stale_after_s", stale_after_s, 0.01, 10},
+                       {"predict_max_s", predict_max_s, 0.01, 10},
+                       {"gap_max_s", gap_max_s, 0.01, 10}});
 }
 
 PlatformTracker::PlatformTracker(const PlatformTrackerConfig& config)

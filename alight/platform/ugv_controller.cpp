@@ -3,7 +3,8 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
-#include <sstream>
+
+#include "alight/base/bounds.h"
 
 namespace alight {
 namespace {
@@ -21,20 +22,14 @@ Vector2 direction(double heading) { return {std::cos(heading), std::sin(heading)
 }  // namespace
 
 Result<void> UgvControllerConfig::validate() const {
-  const auto positive = [](const char* name, double value) -> Result<void> {
-    if (value > 0 && value <= 100) return {};
-    std::ostringstream text;
-    text << name << " is " << value << ", must lie in (0, 100]";
-    return fail(Fault::invalid_config, text.str());
-  };
-  if (auto ok = positive("acceleration_m_s2", acceleration_m_s2); !ok) return ok;
-  if (auto ok = positive("yaw_acceleration_rad_s2", yaw_acceleration_rad_s2); !ok) {
-    return ok;
-  }
-  if (auto ok = positive("yaw_rate_max_rad_s", yaw_rate_max_rad_s); !ok) return ok;
-  if (auto ok = positive("cross_track_gain", cross_track_gain); !ok) return ok;
-  if (auto ok = positive("heading_gain", heading_gain); !ok) return ok;
-  return positive("turn_gain", turn_gain);
+  constexpr double kLeast = 1e-6;
+  return check_bounds(
+      {{"acceleration_m_s2", acceleration_m_s2, kLeast, 100},
+       {"yaw_acceleration_rad_s2", yaw_acceleration_rad_s2, kLeast, 100},
+       {"yaw_rate_max_rad_s", yaw_rate_max_rad_s, kLeast, 100},
+       {"cross_track_gain", cross_track_gain, kLeast, 100},
+       {"heading_gain", heading_gain, kLeast, 100},
+       {"turn_gain", turn_gain, kLeast, 100}});
 }
 
 UgvController::UgvController(const UgvControllerConfig& config, const Path& path)

@@ -1,8 +1,8 @@
 #include "alight/sim/scenario.h"
 
 #include <array>
-#include <cmath>
-#include <sstream>
+
+#include "alight/base/bounds.h"
 
 namespace alight {
 namespace {
@@ -28,27 +28,6 @@ constexpr Names<AutopilotInterface, 2> kInterfaces{{"attitude", "velocity"}};
 constexpr Names<FaultKind, 6> kFaults{{"radio_out", "telemetry_out", "odometry_out",
                                        "odometry_jump", "camera_out", "gust"}};
 
-/// Keeps the first complaint.
-class Check {
- public:
-  void range(const std::string& name, double value, double low, double high) {
-    if (!complaint_.empty() || (value >= low && value <= high)) return;
-    std::ostringstream text;
-    text << name << " is " << value << ", must lie in [" << low << ", " << high << "]";
-    complaint_ = text.str();
-  }
-  void that(bool holds, const char* complaint) {
-    if (complaint_.empty() && !holds) complaint_ = complaint;
-  }
-  Result<void> result() const {
-    if (complaint_.empty()) return {};
-    return fail(Fault::invalid_config, complaint_);
-  }
-
- private:
-  std::string complaint_;
-};
-
 }  // namespace
 
 const char* to_string(PlatformKind kind) { return kPlatforms.of(kind); }
@@ -71,7 +50,7 @@ std::optional<FaultKind> fault_kind(std::string_view name) {
 }
 
 Result<void> Scenario::validate() const {
-  Check check;
+  FirstComplaint check;
   check.that(platform.kind != PlatformKind::recorded,
              "platform.kind is recorded, which is not built yet; use another kind");
   check.range("platform.speed_m_s", platform.speed_m_s, 0, 20);
