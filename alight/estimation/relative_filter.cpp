@@ -46,6 +46,13 @@ Result<RelativeFilter> RelativeFilter::create(const RelativeFilterConfig& config
   return RelativeFilter(config, camera, leds);
 }
 
+void RelativeFilter::set_rig(const Camera& camera, const Constellation& leds) {
+  assert(leds.size() == leds_.size());
+  camera_ = camera;
+  leds_ = leds;
+  stop();
+}
+
 void RelativeFilter::reset(Time t, const RelativeState& x,
                            const Covariance9& covariance, const Vector3& d_N,
                            const Vector3& b_N) {

@@ -34,6 +34,10 @@ class RelativeFilter {
   /// Forgets the state: initialized() is false until the next reset().
   void stop() { initialized_ = false; }
 
+  /// A rig that has been measured takes the place of the one written down; forgets the
+  /// state. @pre as many LEDs as before.
+  void set_rig(const Camera& camera, const Constellation& leds);
+
   /// Carries the state to `t` with one input, constant since time().
   /// @returns invalid_input, and nothing changed: not initialized, t before time(),
   ///          more than a minute ahead, input not finite. t == time() is no error.

@@ -59,6 +59,7 @@ struct LandingSystem::Parts {
   bool heading_known = false;
   RelativeState x_seen;
   Eigen::Quaterniond tilt_at_rest = Eigen::Quaterniond::Identity();
+  bool calibrated = false;  // or tried to
   bool rest_known = false;  // tilt_at_rest: what telemetry says of it before take-off
   Setpoint last_track;      // what `track` sent last,
   double last_track_heading = 0;  // and the platform's heading then
@@ -319,6 +320,13 @@ void LandingSystem::step(const Input& input, Output& out, Probe* probe) {
   }
   p.motion.on_ground = command.on_ground;
   if (!command.on_ground) p.estimator.expect_nothing();
+  if (p.mission.status().state == MissionState::armed && !p.calibrated) {
+    p.calibrated = true;
+    if (const auto fit = p.estimator.calibrate_at_rest()) {
+      p.x_seen = p.estimator.filter().state();
+      state = p.estimator.carried_to(input.now, p.motion);
+    }
+  }
   if (command.lifted) {
     // The ground no longer says what the thrust is worth: at lift-off it equals weight.
     const double thrust =

@@ -1,5 +1,6 @@
 #include "alight/mission/relative_estimator.h"
 
+#include <bit>
 #include <cmath>
 
 namespace alight {
@@ -21,6 +22,7 @@ Result<void> RelativeEstimatorConfig::validate() const {
   if (auto good = finder.validate(); !good) return good;
   if (auto good = tracker.validate(); !good) return good;
   if (auto good = filter.validate(); !good) return good;
+  if (auto good = rest.validate(); !good) return good;
   if (!(prediction_step_ms >= 1 && prediction_step_ms <= 50)) {
     return fail(Fault::invalid_config, "prediction_step_ms must lie in [1, 50]");
   }
@@ -44,6 +46,7 @@ RelativeEstimatorConfig RelativeEstimatorConfig::paper() {
   config.tracker.profile = LedTrackerConfig::Profile::paper;
   config.filter = RelativeFilterConfig::paper();
   config.reprojection_max_px = 10;
+  config.calibrate_at_rest = false;
   return config;
 }
 
@@ -147,6 +150,7 @@ bool RelativeEstimator::follow(const CameraFrame& frame, FrameReport& out,
     leds = tracker_.track(*blobs, X_NB, cov, frame.captured);
   }
   out.refused = leds.refused;
+  if (expecting_) remember_rest(leds);
   const ProbeScope scope(probe, Stage::filter);
   const auto report = filter_.update(leds);
   if (!report) {
@@ -223,6 +227,48 @@ void RelativeEstimator::expect(const Pose& X_NB, const Matrix6& cov) {
   expecting_ = true;
   X_NB_expected_ = X_NB;
   cov_expected_ = cov;
+  rest_sum_.fill(Vector2::Zero());
+  rest_count_.fill(0);
+}
+
+void RelativeEstimator::remember_rest(const LedFrame& leds) {
+  for (const LedObservation& o : leds.seen) {
+    if (!std::has_single_bit(o.leds)) continue;
+    const auto i = static_cast<std::size_t>(std::countr_zero(o.leds));
+    rest_sum_[i] += o.uv;
+    ++rest_count_[i];
+  }
+}
+
+Result<RestFit> RelativeEstimator::calibrate_at_rest() {
+  if (!config_.calibrate_at_rest || !expecting_ || !filter_.initialized()) {
+    return fail(Fault::too_few_points);
+  }
+  FixedVector<LedObservation, kMaxLeds> seen;
+  for (std::size_t i = 0; i < kMaxLeds; ++i) {
+    if (rest_count_[i] < config_.rest_pictures) continue;
+    LedObservation o;
+    o.leds = static_cast<std::uint16_t>(1u << i);
+    o.uv = rest_sum_[i] / rest_count_[i];
+    seen.push_back(o);
+  }
+  const auto fit = alight::calibrate_at_rest(
+      config_.rest, camera_, leds_, {seen.data(), seen.size()}, X_NB_expected_);
+  if (!fit) return fail(fit.error());
+  camera_ = fit->camera;
+  leds_ = fit->leds;
+  tracker_.set_rig(camera_, leds_, config_.rest_led_sd_m);
+  finder_.set_rig(camera_, leds_, config_.rest_led_sd_m);
+  const Time t = filter_.time();
+  filter_.set_rig(camera_, leds_);
+  RelativeState x;
+  x.p_NB = fit->X_NB.translation();
+  x.R_NB = fit->X_NB.linear();
+  Covariance9 cov = Covariance9::Zero();
+  cov.diagonal() << Vector3::Constant(2.5e-5), Vector3::Constant(1e-3),
+      Vector3::Constant(1e-4);
+  filter_.reset(t, x, cov);
+  return fit;
 }
 
 Result<FoundLeds> RelativeEstimator::find_expected(BlobSpan blobs, Time t) const {

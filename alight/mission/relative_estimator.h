@@ -1,5 +1,6 @@
 #pragma once
 #include "alight/estimation/relative_filter.h"
+#include "alight/estimation/rest_calibration.h"
 #include "alight/mission/landing_io.h"
 #include "alight/vision/blob_detector.h"
 #include "alight/vision/led_finder.h"
@@ -12,6 +13,10 @@ struct RelativeEstimatorConfig {
   LedFinderConfig finder;
   LedTrackerConfig tracker;
   RelativeFilterConfig filter;
+  RestCalibrationConfig rest;
+  bool calibrate_at_rest = true;  ///< Before take-off from the pad.
+  int rest_pictures = 20;         ///< That many of each LED at least.
+  double rest_led_sd_m = 0.0008;  ///< How well LEDs are known then.
   double prediction_step_ms = 5;   ///< Inputs are held this long.
   int misses_before_search = 3;    ///< Frames without a match before the whole picture
                                    ///< is searched.
@@ -77,6 +82,12 @@ class RelativeEstimator {
   void expect(const Pose& X_NB, const Matrix6& cov);
   void expect_nothing() { expecting_ = false; }
 
+  /// Measures the rig by the drone that stands where it is expected, from the pictures
+  /// since `expect`, and goes on with the rig as found.
+  /// @returns too_few_points (not seen for long enough), or the complaint of
+  ///          alight::calibrate_at_rest; then the rig stays as written.
+  Result<RestFit> calibrate_at_rest();
+
  private:
   RelativeEstimator(const RelativeEstimatorConfig& config, const Rig& rig,
                     BlobDetector detector, LedFinder finder, LedTracker tracker,
@@ -86,6 +97,7 @@ class RelativeEstimator {
   /// The LEDs where they are expected: a fit with all but one of them in view.
   Result<FoundLeds> find_expected(BlobSpan blobs, Time t) const;
   void report_state(FrameReport& out) const;
+  void remember_rest(const LedFrame& leds);
 
   RelativeEstimatorConfig config_;
   Time step_;
@@ -101,6 +113,9 @@ class RelativeEstimator {
   bool expecting_ = false;
   Pose X_NB_expected_ = Pose::Identity();
   Matrix6 cov_expected_ = Matrix6::Identity();
+  // Images at rest, summed up by LED.
+  std::array<Vector2, kMaxLeds> rest_sum_{};
+  std::array<int, kMaxLeds> rest_count_{};
 };
 
 }  // namespace alight

@@ -44,6 +44,15 @@ Result<LedFinder> LedFinder::create(const LedFinderConfig& config, const Camera&
   return LedFinder(std::move(search));
 }
 
+void LedFinder::set_rig(const Camera& camera, const Constellation& leds,
+                        double led_sd_m) {
+  search_->camera = camera;
+  search_->leds = leds;
+  search_->centre_B = middle_of(leds);
+  search_->radius_m = radius_of(leds);
+  search_->config.led_sd_m = led_sd_m;
+}
+
 Result<FoundLeds> LedFinder::find(BlobSpan blobs, Time t) {
   return search_->config.profile == LedFinderConfig::Profile::paper
              ? search_->find_paper(blobs, t)

@@ -55,6 +55,10 @@ class LedFinder {
   LedFinder& operator=(LedFinder&&) noexcept;
   ~LedFinder();
 
+  /// A rig that has been measured, to `led_sd_m`, takes the place of the one written
+  /// down, to which it must be near. @pre as many LEDs as before.
+  void set_rig(const Camera& camera, const Constellation& leds, double led_sd_m);
+
   /// @returns too_few_points (no pose explains enough LEDs), ambiguous (two do about
   ///          equally well); paper: too_few_points when blobs and LEDs differ in
   ///          number, degenerate when the MAD test fails.

@@ -10,6 +10,9 @@
 namespace alight {
 namespace {
 
+// sd by which an LED may miss its place: a pose fitted to all takes up some of it.
+constexpr double kLedGate = 2.5;
+
 /// How the picture differs from the predicted one: p -> middle + m (p - middle) +
 /// shift, with m = (1 + growth) e^(i turn) as a complex number.
 struct Shift {
@@ -51,6 +54,7 @@ Result<void> LedTrackerConfig::validate() const {
                           {"gate_sd", gate_sd, 0.5, 20},
                           {"match_px", match_px, 0.1, 100},
                           {"match_share", match_share, 0, 1},
+                          {"led_sd_m", led_sd_m, 0, 0.1},
                           {"merge_px", merge_px, 0, 50},
                           {"merged_imbalance", merged_imbalance, 0, 1},
                           {"roi_margin_px", roi_margin_px, 0, 10000},
@@ -154,7 +158,12 @@ LedFrame LedTracker::track(BlobSpan blobs, const Pose& X_NB_predicted,
   }
 
   // 2. The similarity that explains most, found from every LED and every pair of LEDs.
-  const double tolerance = config_.match_px + config_.match_share * images.size_px;
+  const double range =
+      (X_NB_predicted.translation() - camera_.X_NC.translation()).norm();
+  const double led_px =
+      config_.led_sd_m * camera_.intrinsics.fx / std::max(range, 0.05);
+  const double loose = config_.match_px + kLedGate * led_px;
+  const double tolerance = loose + config_.match_share * images.size_px;
   const double fine2 = tolerance * tolerance;
   std::array<Vector2, kMaxLeds> from_middle;
   for (int i = 0; i < leds_.size(); ++i) {
@@ -230,8 +239,6 @@ LedFrame LedTracker::track(BlobSpan blobs, const Pose& X_NB_predicted,
   // what
   //    contradicts the rest.
   Matrix6 prior = Matrix6::Zero();
-  const double range =
-      (X_NB_predicted.translation() - camera_.X_NC.translation()).norm();
   const double shift_m =
       range * (config_.shift_sd_px + largest_sd(S)) / camera_.intrinsics.fx;
   for (int k = 0; k < 3; ++k) {
@@ -244,12 +251,12 @@ LedFrame LedTracker::track(BlobSpan blobs, const Pose& X_NB_predicted,
   Assignment dropped;
   for (int pass = 0; pass < 3 && match.blobs > 0; ++pass) {
     auto seen = observations(match, shifted, blobs, config_.merged_imbalance);
-    for (LedObservation& o : seen) o.cov += 0.25 * Matrix2::Identity();
+    for (LedObservation& o : seen) o.cov += (0.25 + led_px * led_px) * Matrix2::Identity();
     const auto fit = refine_pose(camera_, leds_, {seen.data(), seen.size()},
                                  X_NB_predicted, &prior, 6);
     if (!fit) break;
     shifted = led_images(camera_, leds_, fit->X_NB);
-    rule.tolerance_px = config_.match_px + config_.match_share * shifted.size_px / 2;
+    rule.tolerance_px = loose + config_.match_share * shifted.size_px / 2;
     const Assignment again = match_leds(shifted, leds_, blobs, candidates, rule);
     for (std::size_t i = 0; i < kMaxLeds; ++i) {
       if (match.blob[i] >= 0 && again.blob[i] < 0) dropped.blob[i] = match.blob[i];

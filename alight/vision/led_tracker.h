@@ -16,7 +16,8 @@ struct LedTrackerConfig {
   double turn_sd_deg = 3;     ///< Error of the predicted rotation in the picture.
   double gate_sd = 3;         ///< How many of each are looked for.
   double match_px = 3;        ///< Residual up to which a blob is an LED's, plus
-  double match_share = 0.03;  ///< this share of the constellation's size in px.
+  double match_share = 0.03;  ///< this share of the constellation's size in px,
+  double led_sd_m = 0.002;    ///< plus what LEDs that are off by this sd do.
   double merge_px = 6.5;      ///< LEDs whose images are closer may share a blob.
   double merged_imbalance = 0.15;  ///< sd of the weight of one LED in a merged blob.
   double roi_margin_px = 12;
@@ -37,6 +38,14 @@ class LedTracker {
   /// @param cov  Of (dp_NB, dR in B) of the prediction.
   LedFrame track(BlobSpan blobs, const Pose& X_NB_predicted, const Matrix6& cov,
                  Time t = 0) const;
+
+  /// A rig that has been measured, to `led_sd_m`, takes the place of the one written
+  /// down. @pre as many LEDs as before.
+  void set_rig(const Camera& camera, const Constellation& leds, double led_sd_m) {
+    camera_ = camera;
+    leds_ = leds;
+    config_.led_sd_m = led_sd_m;
+  }
 
   /// Part of the picture that holds the LEDs; empty when the prediction lies outside.
   Roi roi(const Pose& X_NB_predicted, const Matrix6& cov) const;
