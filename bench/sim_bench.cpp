@@ -1,3 +1,4 @@
+#include "alight/run/landing_run.h"
 #include "bench/flight.h"
 
 namespace alight::bench {
@@ -42,6 +43,23 @@ void BM_RenderJpeg(benchmark::State& state) {
   render(state, config, false);
 }
 BENCHMARK(BM_RenderJpeg)->Unit(benchmark::kMicrosecond);
+
+/// The whole loop on one core: world, pictures with noise and depth, radio, brain.
+/// Budget: 20 times real time.
+void BM_Landing(benchmark::State& state) {
+  LandingRunOptions options;
+  options.rig = alan_rig();
+  options.scenario.wind = {.mean_m_s = 2, .from_deg = 0, .gusts = Gusts::dryden};
+  double simulated_s = 0;
+  for (auto _ : state) {
+    const auto result = run_landing(options);
+    if (!result) return state.SkipWithError(result.error().detail.c_str());
+    simulated_s += result->simulated_s;
+    ++options.seed;
+  }
+  state.counters["times_real_time"] = {simulated_s, benchmark::Counter::kIsRate};
+}
+BENCHMARK(BM_Landing)->Iterations(5)->Unit(benchmark::kMillisecond);
 
 }  // namespace
 }  // namespace alight::bench
