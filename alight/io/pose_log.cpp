@@ -157,6 +157,39 @@ Result<RunLog> parse_authors(const std::string& path, std::string_view text) {
   return log;
 }
 
+constexpr std::string_view kDriveHeader = "t,x,y,z,yaw_deg";
+
+Result<PoseLog> parse_drive_table(const std::string& name, std::string_view text) {
+  PoseLog log;
+  Lines lines(name, text);
+  std::string_view line;
+  lines.next(line);
+  if (line != kDriveHeader) {
+    return lines.wrong("expected the header " + std::string(kDriveHeader) + ", found " +
+                       quoted(line.substr(0, 60)));
+  }
+  std::vector<double> v;
+  while (lines.next(line)) {
+    if (line.empty()) continue;
+    const auto fields = split(line, ',');
+    if (fields.size() != 5) {
+      return lines.wrong("found " + std::to_string(fields.size()) +
+                         " fields, the header has 5");
+    }
+    std::size_t bad = 0;
+    Time t = 0;
+    if (!parse_all(fields, v, bad) || !parse_time(trimmed(fields[0]), t)) {
+      return lines.wrong(quoted(fields[bad < 5 ? bad : 0]) + " is not a finite number");
+    }
+    if (!log.empty() && t <= log.back().first) {
+      return lines.wrong("time does not advance");
+    }
+    log.emplace_back(t, make_pose(from_rpy(0, 0, v[4] * kDegree), {v[1], v[2], v[3]}));
+  }
+  if (log.empty()) return fail(Fault::invalid_input, name + ": holds no poses");
+  return log;
+}
+
 bool looks_like_csv(std::string_view text) {
   const std::size_t first = text.find('\n');
   if (first == std::string_view::npos) return false;
@@ -201,6 +234,13 @@ Result<RunLog> load_authors_csv(const std::string& path) {
   const auto text = read_file(path);
   if (!text) return fail(text.error());
   return parse_authors(path, *text);
+}
+
+Result<PoseLog> parse_drive(const std::string& name, std::string_view text) {
+  const std::string_view first = trimmed(text.substr(0, text.find('\n')));
+  // A TUM line has no comma, and its comment a mark.
+  const bool table = first.find(',') != std::string_view::npos && first[0] != '#';
+  return table ? parse_drive_table(name, text) : parse_tum(name, text);
 }
 
 Result<RunLog> load_pose_log(const std::string& path) {

@@ -1,5 +1,6 @@
 #pragma once
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "alight/base/result.h"
@@ -29,7 +30,11 @@ struct RunLog {
 /// instant.
 Result<RunLog> load_authors_csv(const std::string& path);
 
-/// Either of the two, told apart by content.
+/// A platform's drive, X_IN: a table with the header `t,x,y,z,yaw_deg` (s, m; level),
+/// or a TUM file. `name` stands for the file in complaints.
+Result<PoseLog> parse_drive(const std::string& name, std::string_view text);
+
+/// Either of the first two, told apart by content.
 Result<RunLog> load_pose_log(const std::string& path);
 
 }  // namespace alight

@@ -139,8 +139,9 @@ void Work::compute() {
 Result<CampaignResult> Work::run() {
   rig_hash_ = content_hash(rig_text(options_.rig));
   for (std::size_t s = 0; s < options_.scenarios.size(); ++s) {
+    const Scenario& scenario = options_.scenarios[s].scenario;
     scenario_hashes_.push_back(
-        content_hash(scenario_text(options_.scenarios[s].scenario)));
+        content_hash(scenario_text(scenario) + scenario.platform.file_text));
     for (int k = 0; k < options_.seeds; ++k) {
       CampaignRun run;
       run.scenario = s;

@@ -27,6 +27,7 @@ struct Exposure {
   Time captured = 0;
   Time received = 0;
   std::array<SceneAt, 3> scene;
+  SceneAt depth_scene;
   TruthState truth;
 };
 
@@ -105,8 +106,14 @@ Percentiles percentiles(const std::vector<double>& us) {
           us.empty() ? kNaN : *std::max_element(us.begin(), us.end())};
 }
 
-CameraSimConfig camera_config(const Scenario& scenario) {
+CameraSimConfig camera_config(const LandingRunOptions& options) {
+  const Scenario& scenario = options.scenario;
   CameraSimConfig config;
+  // No picture reaches the brain before its own depth was captured.
+  const double apart =
+      std::min(scenario.camera.depth_offset_ms, options.rig.timing.frame_to_use_ms);
+  config.depth_offset_ms =
+      apart * Rng(options.seed).fork("depth offset").uniform(-1, 1);
   config.lights = scenario.camera.lights;
   config.pad_reflectance = scenario.camera.pad_reflectance;
   config.jpeg = scenario.camera.jpeg;
@@ -159,12 +166,13 @@ namespace {
 class Loop {
  public:
   Loop(const LandingRunOptions& options, RunObserver* observer,
-       std::unique_ptr<World> world, CameraRenderer renderer, LandingSystem brain,
-       Planner planner)
+       std::unique_ptr<World> world, CameraRenderer renderer, Time depth_offset,
+       LandingSystem brain, Planner planner)
       : options_(options),
         observer_(observer),
         world_(std::move(world)),
         renderer_(std::move(renderer)),
+        depth_offset_(depth_offset),
         brain_(std::move(brain)),
         planner_(std::move(planner)) {
     events_.reserve(256);
@@ -182,6 +190,7 @@ class Loop {
   RunObserver* observer_;
   std::unique_ptr<World> world_;
   CameraRenderer renderer_;
+  Time depth_offset_;  // after mid-exposure of colour
   LandingSystem brain_;
   Planner planner_;
 
@@ -206,7 +215,7 @@ Result<void> Loop::take_pictures(Time now) {
   const Time half = from_seconds(0.5e-3 * options_.rig.timing.exposure_ms);
   for (;;) {
     const Time t = from_seconds((static_cast<double>(next_picture_) + 0.5) * period);
-    if (t + half > now) return {};
+    if (t + std::max(half, depth_offset_) > now) return {};
     Exposure e;
     e.index = next_picture_++;
     e.captured = t;
@@ -214,6 +223,7 @@ Result<void> Loop::take_pictures(Time now) {
     e.truth = world_->truth_at(t);
     e.scene = {scene(world_->truth_at(t - half)), scene(e.truth),
                scene(world_->truth_at(t + half))};
+    e.depth_scene = scene(world_->truth_at(t + depth_offset_));
     if (!world_->fault_active(FaultKind::camera_out, t)) exposures_.push_back(e);
   }
 }
@@ -236,8 +246,8 @@ Result<void> Loop::gather(Time now) {
     }
     ColorBuffer& color = colors_[used];
     DepthBuffer& depth = depths_[used];
-    const auto rendered =
-        renderer_.render(e.index, e.scene, color, options_.depth ? &depth : nullptr);
+    const auto rendered = renderer_.render(
+        e.index, e.scene, color, options_.depth ? &depth : nullptr, &e.depth_scene);
     if (!rendered) return fail(rendered.error());
     CameraFrame frame;
     frame.captured = e.captured;
@@ -392,11 +402,13 @@ Result<LandingResult> run_landing(const LandingRunOptions& options,
   if (!planner) return fail(planner.error());
   auto world = World::create(options.scenario, options.rig, options.seed);
   if (!world) return fail(world.error());
-  auto renderer = CameraRenderer::create(camera_config(options.scenario),
-                                         (*world)->true_rig().rig, options.seed);
+  const CameraSimConfig camera = camera_config(options);
+  auto renderer =
+      CameraRenderer::create(camera, (*world)->true_rig().rig, options.seed);
   if (!renderer) return fail(renderer.error());
   Loop loop(options, observer, std::move(*world), std::move(*renderer),
-            std::move(*brain), std::move(*planner));
+            from_seconds(1e-3 * camera.depth_offset_ms), std::move(*brain),
+            std::move(*planner));
   return loop.run();
 }
 

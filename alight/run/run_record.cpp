@@ -1,6 +1,7 @@
 #include "alight/run/run_record.h"
 
 #include <cmath>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 
 #include "alight/io/files.h"
@@ -134,9 +135,16 @@ void RunRecord::on_step(const Output& out, const TruthState& truth, double) {
 Result<std::vector<std::string>> RunRecord::save(const std::string& folder,
                                                  const LandingResult& result) const {
   const Parts& p = *parts_;
+  // The folder is whole without the file that the drive came from.
+  Scenario scenario = p.options.scenario;
+  const std::string drive_text = std::move(scenario.platform.file_text);
+  if (!scenario.platform.file.empty()) {
+    scenario.platform.file =
+        "drive" + std::filesystem::path(scenario.platform.file).extension().string();
+  }
   if (auto good = make_folder(folder); !good) return fail(good.error());
   const std::pair<const char*, std::string> files[] = {
-      {"scenario.yaml", scenario_text(p.options.scenario)},
+      {"scenario.yaml", scenario_text(scenario)},
       {"rig.yaml", rig_text(p.options.rig)},
       {"rig_true.yaml", rig_text(p.rig_true)},
       {"truth.tum", tum_text(p.truth)},
@@ -151,6 +159,10 @@ Result<std::vector<std::string>> RunRecord::save(const std::string& folder,
     if (auto good = write_file(folder + "/" + name, text); !good) {
       return fail(good.error());
     }
+  }
+  if (!drive_text.empty()) {
+    const std::string name = folder + "/" + scenario.platform.file;
+    if (auto good = write_file(name, drive_text); !good) return fail(good.error());
   }
   auto pictures = save_run_pictures(folder, p.tracks, p.shown, p.options.rig);
   if (!pictures) return pictures;

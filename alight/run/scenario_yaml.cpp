@@ -1,9 +1,13 @@
 #include "alight/run/scenario_yaml.h"
 
+#include <filesystem>
 #include <sstream>
 
+#include "alight/io/files.h"
+#include "alight/io/pose_log.h"
 #include "alight/io/text.h"
 #include "alight/io/yaml_reader.h"
+#include "alight/sim/recorded_drive.h"
 
 namespace alight {
 namespace {
@@ -16,6 +20,7 @@ void visit(Visitor& v, Scenario& s) {
              {PlatformKind::still, PlatformKind::straight, PlatformKind::circle,
               PlatformKind::block, PlatformKind::eight, PlatformKind::recorded,
               PlatformKind::boat});
+    m.field("file", s.platform.file);
     m.field("speed_m_s", s.platform.speed_m_s);
     m.field("radius_m", s.platform.radius_m);
     m.field("side_m", s.platform.side_m);
@@ -49,6 +54,7 @@ void visit(Visitor& v, Scenario& s) {
     m.field("pad_reflectance", s.camera.pad_reflectance);
     m.field("jpeg", s.camera.jpeg);
     m.field("noise", s.camera.noise);
+    m.field("depth_offset_ms", s.camera.depth_offset_ms);
   });
   v.map("odometry", [&](auto& m) {
     m.field("rate_hz", s.odometry.rate_hz);
@@ -108,9 +114,9 @@ class Reader {
       words.emplace_back(to_string(e));
     }
     const std::string near = nearest_key(word, words);
-    std::string what = quoted(word) + " is not one of";
+    std::string what = alight::quoted(word) + " is not one of";
     for (const std::string& w : words) what += " " + w;
-    if (!near.empty()) what += "; did you mean " + quoted(near) + "?";
+    if (!near.empty()) what += "; did you mean " + alight::quoted(near) + "?";
     map_.complain(key, what);
   }
   template <class Fill>
@@ -133,12 +139,25 @@ class Reader {
   YamlMap map_;
 };
 
+/// As YAML reads it back, whatever is in it.
+std::string double_quoted(const std::string& text) {
+  std::string result(1, '"');
+  for (const char c : text) {
+    if (c == '"' || c == '\\') result += '\\';
+    result += c;
+  }
+  return result += '"';
+}
+
 class Writer {
  public:
   explicit Writer(std::ostringstream& out, std::string indent = {})
       : out_(out), indent_(std::move(indent)) {}
 
   void field(const char* key, const double& value) { line(key, number_text(value)); }
+  void field(const char* key, const std::string& value) {
+    line(key, double_quoted(value));
+  }
   void field(const char* key, const int& value) { line(key, std::to_string(value)); }
   void field(const char* key, const bool& value) {
     line(key, value ? "true" : "false");
@@ -171,12 +190,38 @@ class Writer {
   std::string indent_;
 };
 
+/// The drive stands beside the scenario, unless its path is absolute.
+Result<void> read_drive(PlatformScenario& platform, const std::string& place,
+                        const std::string& name) {
+  const auto path = std::filesystem::path(name).parent_path() / platform.file;
+  auto text = read_file(path.string());
+  if (!text) return fail(text.error().fault, place + ": " + text.error().detail);
+  auto drive = parse_drive(path.string(), *text);
+  if (!drive) return fail(drive.error());
+  if (auto good = RecordedDrive::create(*drive); !good) {
+    return fail(good.error().fault, path.string() + ": " + good.error().detail);
+  }
+  std::error_code code;
+  const auto absolute = std::filesystem::absolute(path, code).lexically_normal();
+  platform.file = code ? path.string() : absolute.string();
+  platform.file_text = std::move(*text);
+  platform.drive = std::move(*drive);
+  return {};
+}
+
 Result<Scenario> read(Result<YamlMap> file, const std::string& name) {
   if (!file) return fail(file.error());
   Scenario scenario;
   Reader reader(*file);
   visit(reader, scenario);
   if (auto good = file->finish(); !good) return fail(good.error());
+  PlatformScenario& platform = scenario.platform;
+  if (platform.kind == PlatformKind::recorded && !platform.file.empty()) {
+    const std::string place = file->map("platform").place("file");
+    if (auto good = read_drive(platform, place, name); !good) {
+      return fail(good.error());
+    }
+  }
   if (auto good = scenario.validate(); !good) {
     return fail(good.error().fault, name + ": " + good.error().detail);
   }

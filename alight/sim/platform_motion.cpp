@@ -1,6 +1,7 @@
 #include "alight/sim/platform_motion.h"
 
 #include <algorithm>
+#include <cassert>
 #include <cmath>
 
 namespace alight {
@@ -52,6 +53,12 @@ PlatformMotion::PlatformMotion(const PlatformScenario& config, double height,
   for (double& phase : phase_) phase = rng.uniform(0, 2 * kPi);
   state_.X_IN.translation().z() = height;
   if (config_.kind == PlatformKind::boat) step_boat(0);
+  if (config_.kind == PlatformKind::recorded) {
+    auto drive = RecordedDrive::create(config_.drive);
+    assert(drive);
+    drive_.emplace(std::move(*drive));
+    step_recorded(0);
+  }
 }
 
 void PlatformMotion::wish_speed(double m_s) {
@@ -59,6 +66,7 @@ void PlatformMotion::wish_speed(double m_s) {
 }
 
 void PlatformMotion::step(Seconds dt) {
+  if (drive_) return step_recorded(dt);
   const UgvCommand before = command_;
   command_ = controller_.step(pose_, moving_ ? wish_ : 0.0, dt);
   const double v = (before.v + command_.v) / 2;
@@ -86,6 +94,13 @@ PlatformMotion::Deck PlatformMotion::deck(double t_s) const {
   return {sea.heave_m * std::sin(w * t_s + phase_[0]),
           sea.roll_deg * kDegree * std::sin(1.13 * w * t_s + phase_[1]),
           sea.pitch_deg * kDegree * std::sin(0.91 * w * t_s + phase_[2])};
+}
+
+void PlatformMotion::step_recorded(Seconds dt) {
+  const Time t = state_.t + from_seconds(dt);
+  if (moving_) driven_ += dt;
+  state_ = drive_->at(driven_);
+  state_.t = t;
 }
 
 void PlatformMotion::step_boat(Seconds dt) {

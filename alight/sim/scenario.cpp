@@ -51,8 +51,11 @@ std::optional<FaultKind> fault_kind(std::string_view name) {
 
 Result<void> Scenario::validate() const {
   FirstComplaint check;
-  check.that(platform.kind != PlatformKind::recorded,
-             "platform.kind is recorded, which is not built yet; use another kind");
+  const bool recorded = platform.kind == PlatformKind::recorded;
+  check.that(!recorded || !platform.drive.empty(),
+             "platform.file is missing: kind recorded takes its drive from there");
+  check.that(recorded || platform.file.empty(),
+             "platform.file is for kind recorded alone");
   check.range("platform.speed_m_s", platform.speed_m_s, 0, 20);
   check.range("platform.radius_m", platform.radius_m, 0.3, 1000);
   check.range("platform.side_m", platform.side_m, 0.5, 1000);
@@ -73,7 +76,8 @@ Result<void> Scenario::validate() const {
   check.range("camera.lights", camera.lights, 0, 1000);
   check.range("camera.pad_reflectance", camera.pad_reflectance, 0, 1);
   check.range("camera.jpeg", camera.jpeg, 0, 100);
-  check.range("camera.noise", camera.noise, 0, 100);
+  check.range("camera.noise", camera.noise, 0, 20);
+  check.range("camera.depth_offset_ms", camera.depth_offset_ms, 0, 15);
   check.range("odometry.rate_hz", odometry.rate_hz, 1, 500);
   check.range("odometry.latency_ms", odometry.latency_ms, 0, 500);
   check.range("odometry.scale_error", odometry.scale_error, 0, 0.5);
@@ -105,6 +109,7 @@ Result<void> Scenario::validate() const {
 Scenario perfect_world(Scenario scenario) {
   scenario.wind = {};
   scenario.radio = {.latency_ms = 0, .jitter_ms = 0, .loss = 0, .burst_ms = 0};
+  scenario.camera.depth_offset_ms = 0;
   scenario.odometry.latency_ms = 0;
   scenario.odometry.scale_error = 0;
   scenario.odometry.yaw_rate_bias_deg_s = 0;

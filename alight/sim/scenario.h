@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "alight/base/result.h"
+#include "alight/geometry/pose_log.h"
 
 namespace alight {
 
@@ -62,6 +63,9 @@ struct PlatformScenario {
   double corner_radius_m = 0.5;    ///< 0: corners turned in place
   double yaw_rate_max_deg_s = 60;  ///< The vehicle slows down for what asks for more.
   SeaScenario sea;                 ///< boat
+  std::string file;                ///< recorded: where the drive stands (README.md),
+  std::string file_text;           ///< what stands there,
+  PoseLog drive;                   ///< and what it says: X_IN.
 };
 
 struct StartScenario {
@@ -89,6 +93,8 @@ struct CameraScenario {
   double pad_reflectance = 0.2;
   int jpeg = 0;        ///< Quality; 0: not compressed.
   double noise = 1.0;  ///< Times that of a usual sensor.
+  double depth_offset_ms =
+      15;  ///< Depth against colour, drawn uniformly within +- this.
 };
 
 struct OdometryScenario {

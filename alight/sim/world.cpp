@@ -116,6 +116,11 @@ Result<std::unique_ptr<World>> World::create(const Scenario& scenario,
                                              const Rig& nominal, std::uint64_t seed) {
   if (auto ok = scenario.validate(); !ok) return fail(ok.error());
   if (auto ok = nominal.validate(); !ok) return fail(ok.error());
+  if (scenario.platform.kind == PlatformKind::recorded) {
+    if (auto ok = RecordedDrive::create(scenario.platform.drive); !ok) {
+      return fail(ok.error().fault, "platform.file: " + ok.error().detail);
+    }
+  }
   const Rng rng(seed);
   const TrueRig truth = draw_true_rig(nominal, scenario.rig_error, rng.fork("rig"));
   PlatformMotion platform(scenario.platform, nominal.pad.above_floor_m,

@@ -1,9 +1,11 @@
 #include "alight/run/scenario_yaml.h"
 
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <filesystem>
 
+#include "alight/io/files.h"
 #include "alight/io/text.h"
 
 namespace alight {
@@ -40,6 +42,67 @@ TEST(ScenarioYaml, WhatIsWrittenReadsBack) {
   ASSERT_EQ(back->faults.size(), 2u);
   EXPECT_EQ(back->faults[0].kind, FaultKind::radio_out);
   EXPECT_EQ(back->faults[0].for_s, 0.25);
+}
+
+class RecordedPlatform : public testing::Test {
+ protected:
+  RecordedPlatform()
+      : folder_(std::filesystem::temp_directory_path() /
+                ("alight_drive_" + std::to_string(getpid()))) {
+    EXPECT_TRUE(write_file(at("s.yaml"), "platform: {kind: recorded, file: d.csv}\n"));
+  }
+  ~RecordedPlatform() override { std::filesystem::remove_all(folder_); }
+  std::string at(const char* name) const { return (folder_ / name).string(); }
+  std::string complaint_about(const std::string& drive) const {
+    EXPECT_TRUE(write_file(at("d.csv"), drive));
+    const auto scenario = load_scenario(at("s.yaml"));
+    return scenario ? "" : scenario.error().detail;
+  }
+  std::filesystem::path folder_;
+};
+
+TEST_F(RecordedPlatform, ItsDriveStandsBesideTheScenario) {
+  ASSERT_EQ(complaint_about("t,x,y,z,yaw_deg\n5,0,0,0.3,90\n6,0,0.5,0.3,100\n"), "");
+  const auto scenario = load_scenario(at("s.yaml"));
+  ASSERT_TRUE(scenario);
+  const PoseLog& drive = scenario->platform.drive;
+  ASSERT_EQ(drive.size(), 2u);
+  EXPECT_EQ(drive[1].first, 6'000'000'000);
+  EXPECT_EQ(Vector3(drive[1].second.translation()), Vector3(0, 0.5, 0.3));
+  EXPECT_NEAR(yaw_of(drive[1].second.linear()), 100 * kDegree, 1e-12);
+  // Written elsewhere it still finds its drive.
+  const auto again = parse_scenario(scenario_text(*scenario), "elsewhere/s.yaml");
+  ASSERT_TRUE(again) << again.error().detail;
+  EXPECT_EQ(again->platform.file_text, scenario->platform.file_text);
+  EXPECT_EQ(complaint_about("0 0 0 0.3 0 0 0 1\n1 0.2 0 0.3 0 0 0 1\n"), "");
+}
+
+TEST_F(RecordedPlatform, WhatIsWrongIsToldWithFileAndLine) {
+  const std::string header = "t,x,y,z,yaw_deg\n";
+  for (const auto& [text, words] : std::vector<std::pair<std::string, std::string>>{
+           {"", "d.csv: holds no poses"},
+           {"time,x,y,z\n", "d.csv:1: expected the header t,x,y,z,yaw_deg"},
+           {header, "d.csv: holds no poses"},
+           {header + "0,0,0,1,0\n1,2,3\n", "d.csv:3: found 3 fields"},
+           {header + "0,0,0,1,0\n1,nan,0,1,0\n", "d.csv:3: 'nan'"},
+           {header + "0,0,0,1,0\n1e99,0,0,1,0\n", "d.csv:3: '1e99'"},
+           {header + "1,0,0,1,0\n0,0,0,1,0\n", "d.csv:3: time does not advance"},
+           {header + "0,0,0,1,0\n", "d.csv: a drive needs at least two poses"},
+           {header + "0,0,0,-1,0\n1,0,0,-1,0\n", "d.csv: at t = 0 s"},
+           {header + "0,0,0,1,0\n0.1,500,0,1,0\n", "d.csv: at t = 0 s"}}) {
+    const std::string what = complaint_about(text);
+    EXPECT_NE(what.find(words), std::string::npos) << text << ": " << what;
+    EXPECT_EQ(what.find('\n'), std::string::npos) << what;
+  }
+  std::filesystem::remove(at("d.csv"));
+  const auto gone = load_scenario(at("s.yaml"));
+  ASSERT_FALSE(gone);
+  EXPECT_NE(gone.error().detail.find("s.yaml:1: "), std::string::npos);
+  EXPECT_NE(gone.error().detail.find("d.csv: no such file"), std::string::npos);
+  EXPECT_NE(complaint("platform: {kind: recorded}").find("file is missing"),
+            std::string::npos);
+  EXPECT_NE(complaint("platform: {kind: circle, file: d.csv}").find("recorded alone"),
+            std::string::npos);
 }
 
 TEST(ScenarioYaml, EveryNamedScenarioHolds) {
