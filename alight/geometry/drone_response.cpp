@@ -46,7 +46,10 @@ Result<void> DroneResponseConfig::validate() const {
                        {"response.velocity_integral", velocity_integral, 0, 20},
                        {"response.velocity_integral_z", velocity_integral_z, 0, 20},
                        {"response.velocity_damping", velocity_damping, 0, 5},
-                       {"response.tilt_max_deg", tilt_max_deg, 1, 80}});
+                       {"response.tilt_max_deg", tilt_max_deg, 1, 80},
+                       {"response.attitude_share", attitude_share, 0, 1},
+                       {"response.rate_observer_rad_s", rate_observer_rad_s, 0, 100},
+                       {"response.moment_fade_s", moment_fade_s, 0.01, 100}});
 }
 
 Vector3 DroneResponse::Sample::f_rate_I() const {
@@ -176,13 +179,15 @@ void DroneResponse::step(State& x, Time t, Time until) const {
     // Midpoint rule for the attitude, exact for the motors.
     const double w0 = config_.omega_rad_s;
     const auto torque = [&](const Matrix3& R, const Vector3& w) -> Vector3 {
-      return -2 * config_.zeta * w0 * w + w0 * w0 * so3_log(R.transpose() * R_sp);
+      return x.moment_B - 2 * config_.zeta * w0 * w +
+             w0 * w0 * so3_log(R.transpose() * R_sp);
     };
     const Vector3 w_mid = s.w_IB_B + 0.5 * dt * torque(s.R_IB, s.w_IB_B);
     const Matrix3 R_mid = s.R_IB * so3_exp(0.5 * dt * s.w_IB_B);
     const Vector3 f_before = s.f_I();
     s.w_IB_B += dt * torque(R_mid, w_mid);
     s.R_IB = s.R_IB * so3_exp(dt * w_mid);
+    x.moment_B *= std::exp(-dt / config_.moment_fade_s);
     const double tau = config_.motor_ms * 1e-3;
     s.thrust_m_s2 = T_sp + (s.thrust_m_s2 - T_sp) * std::exp(-dt / tau);
     s.thrust_rate_m_s3 = (T_sp - s.thrust_m_s2) / tau;
@@ -234,10 +239,22 @@ DroneResponse::Sample DroneResponse::at(Time t) const {
   return s;
 }
 
-void DroneResponse::correct_attitude(Time captured, const Matrix3& R_IB, double gain) {
-  if (captured < oldest() || captured > newest() || !R_IB.allFinite()) return;
-  const Vector3 error = so3_log(at(captured).R_IB.transpose() * R_IB);
-  restart_after(captured).s.R_IB *= so3_exp(gain * error);
+void DroneResponse::correct(Time captured, const Matrix3& R_IB, const Vector3& w_IB_B) {
+  if (captured < oldest() || captured > newest() || !R_IB.allFinite() ||
+      !w_IB_B.allFinite()) {
+    return;
+  }
+  const Seconds dt = std::clamp(to_seconds(captured - corrected_), 0.0, 0.05);
+  corrected_ = captured;
+  const Sample model = at(captured);
+  const Vector3 turned = so3_log(model.R_IB.transpose() * R_IB);
+  const Vector3 faster = w_IB_B - model.w_IB_B;
+  // Critically damped, for any time between two reports.
+  const double kept = std::exp(-config_.rate_observer_rad_s * dt);
+  State& x = restart_after(captured);
+  x.s.R_IB *= so3_exp(config_.attitude_share * turned);
+  x.s.w_IB_B += (1 - kept * kept) * faster;
+  if (dt > 0) x.moment_B += (1 - kept) * (1 - kept) / dt * faster;
   advance(covered_ * kGrid);
 }
 

@@ -22,6 +22,10 @@ struct DroneResponseConfig {
   double velocity_integral_z = 2;  ///< 1/s^2
   double velocity_damping = 0.2;   ///< On the acceleration
   double tilt_max_deg = 35;        ///< Of what velocity set-points ask for.
+  // Telemetry against the model.
+  double attitude_share = 0.2;      ///< Of the difference in attitude, per report.
+  double rate_observer_rad_s = 20;  ///< How fast rates and moments are believed.
+  double moment_fade_s = 0.3;       ///< The autopilot learns to hold against it, too.
 
   Result<void> validate() const;
 };
@@ -33,8 +37,10 @@ struct DroneResponseConfig {
 /// Everything is in the autopilot's own inertial frame, in which set-points are sent
 /// (the caller turns it if that frame's heading differs from I's).
 ///
-///   w' = -2 zeta omega w + omega^2 Log(R^T R_sp),  R' = R hat(w),  T' = (T_sp - T) /
-///   tau
+///   w' = -2 zeta omega w + omega^2 Log(R^T R_sp) + m,  R' = R hat(w),
+///   T' = (T_sp - T) / tau
+///
+/// with the moment m (over inertia) that telemetry shows and nobody commanded.
 ///
 /// Velocity set-points are first turned into an attitude and a thrust as PX4 does, with
 /// the model's own velocity (no wind; set by `correct_velocity`): an approximation.
@@ -78,10 +84,11 @@ class DroneResponse {
   Time oldest() const;
   Time newest() const;
 
-  /// Draws the model towards an attitude the autopilot reported for `captured` (share
-  /// `gain` of the difference; the rest of the history after it follows). Ignored when
-  /// older than the history or NaN.
-  void correct_attitude(Time captured, const Matrix3& R_IB, double gain = 0.3);
+  /// Draws the model towards the attitude and the rate that the autopilot reported for
+  /// `captured`; the rest of the history after it follows. From the rates it learns the
+  /// moment that nobody commanded: a centre of mass that is off, a gust on one side.
+  /// Ignored when older than the history or NaN.
+  void correct(Time captured, const Matrix3& R_IB, const Vector3& w_IB_B);
   /// The same for the velocity that the velocity set-points' model starts from.
   void correct_velocity(Time captured, const Vector3& v_IB, double gain = 1);
 
@@ -93,6 +100,7 @@ class DroneResponse {
   struct State {
     Sample s;
     Vector3 v_integral = Vector3::Zero();  // m/s^2
+    Vector3 moment_B = Vector3::Zero();    // over inertia, rad/s^2
   };
   struct Sent {
     Time arrives = 0;
@@ -118,6 +126,7 @@ class DroneResponse {
   std::array<Sent, kSetpoints> setpoints_{};
   std::size_t setpoint_head_ = 0;  // of the ring: next to write
   std::size_t setpoint_count_ = 0;
+  Time corrected_ = 0;  // time of the last report
 };
 
 }  // namespace alight

@@ -9,11 +9,9 @@ Result<void> LandingConfig::validate() const {
   if (auto good = response.validate(); !good) return good;
   if (auto good = attitude.validate(); !good) return good;
   if (auto good = pid.validate(); !good) return good;
-  if (!(event_age_max_s > 0 && heading_smoothing > 0 && heading_smoothing <= 1 &&
-        attitude_correction >= 0 && attitude_correction <= 1)) {
+  if (!(event_age_max_s > 0 && heading_smoothing > 0 && heading_smoothing <= 1)) {
     return fail(Fault::invalid_config,
-                "event_age_max_s must be positive; heading_smoothing and "
-                "attitude_correction are shares");
+                "event_age_max_s must be positive, heading_smoothing a share");
   }
   return {};
 }

@@ -9,6 +9,7 @@
 namespace alight {
 namespace {
 
+constexpr Seconds kHeadingSight = 0.1;  // unseen for longer, nothing is learnt
 constexpr Time kFuture = 5'000'000;  // ns; clocks agree no better than this
 
 bool finite(const PlatformOdometry& o) {
@@ -99,6 +100,7 @@ Result<LandingSystem> LandingSystem::create(const LandingConfig& config,
 
 void LandingSystem::Parts::learn_heading(const AutopilotTelemetry& t) {
   if (!estimator.initialized() || !platform.ready()) return;
+  if (to_seconds(t.captured - estimator.last_sight()) > kHeadingSight) return;
   const double ours = yaw_of(platform.at(t.captured).X_IN.linear()) +
                       yaw_of(estimator.filter().state().R_NB);
   const double theirs = yaw_of(t.q_IB.toRotationMatrix());
@@ -140,6 +142,7 @@ void LandingSystem::Parts::take(const Event& event, Time now, Output& out,
     good = timely(imu->captured) && platform.add(*imu);
   } else if (const auto* t = std::get_if<AutopilotTelemetry>(&event)) {
     good = timely(t->captured) && t->q_IB.coeffs().allFinite() &&
+           t->w_IB_B.allFinite() &&
            std::abs(t->q_IB.norm() - 1) < 1e-3 && std::isfinite(t->battery) &&
            (!telemetry_heard || t->captured > telemetry.captured);
     if (good) {
@@ -148,8 +151,7 @@ void LandingSystem::Parts::take(const Event& event, Time now, Output& out,
       link.heard(t->received);
       learn_heading(*t);
       learn_rest(*t);
-      response.correct_attitude(t->captured, t->q_IB.toRotationMatrix(),
-                                config.attitude_correction);
+      response.correct(t->captured, t->q_IB.toRotationMatrix(), t->w_IB_B);
     }
   } else if (const auto* status = std::get_if<LinkStatus>(&event)) {
     good = std::isfinite(status->round_trip_ms) && status->last_answer <= now + kFuture;

@@ -24,6 +24,7 @@ double horizontal(const Vector3& v) { return v.head<2>().norm(); }
 Mission::Mission(const MissionConfig& config, const Rig& rig)
     : config_(places_for(config, rig)),
       gear_height_(rig.drone.gear_height_m),
+      arm_(rig.drone.arm_m),
       tilt_max_(rig.drone.tilt_max_deg * kDegree) {}
 
 bool Mission::flying() const {
@@ -299,16 +300,20 @@ void Mission::taken_off(const MissionInput& in, Command& c, Output& out) {
        in, out);
     return;
   }
-  const bool moved =
-      (in.x_seen.p_NB - p_rest_).norm() > config_.lift_m ||
-      angle_between(Vector3(in.x_seen.R_NB.col(2)), Vector3(R_rest_.col(2))) >
-          config_.lift_tilt_deg * kDegree;
-  const bool lifted = fresh && (config_.start_on_floor || moved);
+  const Vector3 way = in.x_seen.p_NB - p_rest_;
+  const double tipped = angle_between(Vector3(in.x_seen.R_NB.col(2)), Vector3(R_rest_.col(2)));
+  // Tipping over a foot lifts the middle, too.
+  const bool rose = way.z() - arm_ * std::sin(tipped) > config_.lift_m;
+  // Light on its feet it slides and tips before it flies; thrust must go on growing, or
+  // it stays there.
+  const bool slipped =
+      horizontal(way) > config_.slip_m || tipped > config_.slip_tilt_deg * kDegree;
+  const bool lifted = fresh && (config_.start_on_floor || rose || slipped);
   if (!lifted) return;
   airborne_ = true;
   c.lifted = true;
   // Thrust grows evenly, so the rise goes with the third power of time.
-  c.lifted_since = config_.start_on_floor
+  c.lifted_since = config_.start_on_floor || !rose
                        ? 0
                        : std::cbrt(6 * config_.lift_m / (config_.ramp_rate * kGravity));
   c.mode = Command::Mode::track;

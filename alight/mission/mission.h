@@ -87,6 +87,7 @@ class Mission {
 
   MissionConfig config_;
   double gear_height_;
+  double arm_;
   double tilt_max_;
   MissionStatus status_;
   Maneuver maneuver_;

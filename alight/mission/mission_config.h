@@ -50,8 +50,9 @@ struct MissionConfig {
   double ramp_rate = 1.4;  ///< its growth, 1/s,
   double ramp_to = 1.6;    ///< and its end.
   double ramp_timeout_s = 4;
-  double lift_m = 0.012;          ///< Motion by which the drone has left the ground.
-  double lift_tilt_deg = 4;       ///< Or tilt: it comes off on one side first.
+  double lift_m = 0.012;          ///< Rise by which the drone has left the ground.
+  double slip_m = 0.06;           ///< Or so far to the side,
+  double slip_tilt_deg = 15;      ///< or tilted: feedback can wait no longer.
   double failsafe_s = 1;          ///< The autopilot's failsafe is given this to end.
   double blind_max_s = 4;         ///< From the floor: sight must come by then.
   double blind_ramp_rate = 0.25;  ///< As ramp_rate, from the floor: sight comes late.

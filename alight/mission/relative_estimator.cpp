@@ -150,6 +150,13 @@ bool RelativeEstimator::follow(const CameraFrame& frame, FrameReport& out,
     leds = tracker_.track(*blobs, X_NB, cov, frame.captured);
   }
   out.refused = leds.refused;
+  // Out of sight for a while, the prediction is vague enough for any lamp or two to
+  // pass for LEDs.
+  if (misses_ >= config_.misses_before_search &&
+      leds.led_count() < config_.leds_after_misses) {
+    out.why_not = "too few LEDs to be sure";
+    return false;
+  }
   if (expecting_) remember_rest(leds);
   const ProbeScope scope(probe, Stage::filter);
   const auto report = filter_.update(leds);

@@ -19,7 +19,8 @@ struct RelativeEstimatorConfig {
   double rest_led_sd_m = 0.0008;  ///< How well LEDs are known then.
   double prediction_step_ms = 5;   ///< Inputs are held this long.
   int misses_before_search = 3;    ///< Frames without a match before the whole picture
-                                   ///< is searched.
+                                   ///< is searched,
+  int leds_after_misses = 4;       ///< and LEDs needed to be taken up again from then.
   double forget_after_s = 2;       ///< Prediction alone is believed this long.
   double reprojection_max_px = 4;  ///< A worse fit counts as a miss.
   double search_gate_m = 0.5;      ///< A search's answer this near to the prediction
