@@ -1,5 +1,7 @@
 #pragma once
 #include <CLI/CLI.hpp>
+#include <charconv>
+#include <cstdint>
 #include <string>
 
 #include "alight/io/text.h"
@@ -13,4 +15,26 @@ inline CLI::Validator finite() {
         return alight::quoted(text) + " is not a finite number";
       },
       "NUMBER");
+}
+
+/// A whole number of at most 64 bits; CLI11 alone takes hexadecimal ones and clips.
+inline CLI::Validator seed_number() {
+  return CLI::Validator(
+      [](const std::string& text) -> std::string {
+        std::int64_t value = 0;
+        const char* const end = text.data() + text.size();
+        const auto read = std::from_chars(text.data(), end, value);
+        if (read.ec == std::errc() && read.ptr == end && value >= 0) return {};
+        return alight::quoted(text) + " is not a whole number from 0 to 2^63 - 1";
+      },
+      "NUMBER");
+}
+
+/// A folder or file to write needs a name.
+inline CLI::Validator named() {
+  return CLI::Validator(
+      [](const std::string& text) -> std::string {
+        return text.empty() ? "the name is empty" : "";
+      },
+      "NAME");
 }

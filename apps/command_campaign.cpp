@@ -14,6 +14,7 @@
 #include "alight/run/campaign_store.h"
 #include "alight/run/campaign_summary.h"
 #include "alight/run/scenario_yaml.h"
+#include "checks.h"
 #include "command.h"
 #include "json.h"
 
@@ -216,7 +217,8 @@ void add_campaign(CLI::App& app, Job& job) {
       ->check(CLI::Range(1, 1'000'000))
       ->capture_default_str();
   command->add_option("--first-seed", settings->first_seed, "The others follow it")
-      ->check(CLI::Range(std::int64_t{0}, std::numeric_limits<std::int64_t>::max() / 2))
+      ->check(seed_number() &
+              CLI::Range(std::int64_t{0}, std::numeric_limits<std::int64_t>::max() / 2))
       ->capture_default_str();
   command->add_option("--rig", settings->rig,
                       "Rig file; without one, the authors' rig");
@@ -228,10 +230,12 @@ void add_campaign(CLI::App& app, Job& job) {
   command->add_option("--jobs", settings->jobs, "Threads; 0: one a core")
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();
-  command->add_option("--out", settings->out,
-                      "Store that is gone on with: FILE.sqlite, or a folder for one");
+  command
+      ->add_option("--out", settings->out,
+                   "Store that is gone on with: FILE.sqlite, or a folder for one")
+      ->check(named());
   command->add_option("--timeout", settings->timeout_s, "Simulated seconds at most")
-      ->check(CLI::Range(1.0, 3600.0))
+      ->check(finite() & CLI::Range(1.0, 3600.0))
       ->capture_default_str();
   command->add_flag("!--no-depth", settings->depth, "Do not render depth pictures");
   command->add_flag("--json", settings->json, "One JSON document");

@@ -7,6 +7,7 @@
 #include "alight/io/plot.h"
 #include "alight/io/rig_yaml.h"
 #include "alight/vision/led_finder.h"
+#include "checks.h"
 #include "command.h"
 #include "json.h"
 
@@ -175,7 +176,8 @@ void add_detect(CLI::App& app, Job& job) {
       app.add_subcommand("detect", "Finds the LEDs in single images, and the pose");
   command->add_option("IMAGE", options->images)->required();
   command->add_option("--rig", options->rig, "Rig file")->required();
-  command->add_option("--out", options->out, "Folder for annotated pictures");
+  command->add_option("--out", options->out, "Folder for annotated pictures")
+      ->check(named());
   command->add_flag("--json", options->json, "One JSON document");
   command->callback([options, &job] { job = [options] { return run(*options); }; });
 }

@@ -216,7 +216,8 @@ void add_eval(CLI::App& app, Job& job) {
                                   "(CSV logs: row by row unless given)")
                      ->check(finite() & CLI::Range(0.0, 1e6))
                      ->capture_default_str();
-  command->add_option("--out", options->out, "Folder for eval.json and plots");
+  command->add_option("--out", options->out, "Folder for eval.json and plots")
+      ->check(named());
   command->add_flag("--json", options->json, "One JSON document instead of the table");
   command->callback([options, max_dt, &job] {
     options->max_dt_given = max_dt->count() > 0;

@@ -1,6 +1,7 @@
 #include <cstdio>
 #include <iostream>
 
+#include "alight/io/files.h"
 #include "alight/io/rig_yaml.h"
 #include "alight/run/landing_run.h"
 #include "alight/run/run_record.h"
@@ -59,6 +60,9 @@ Result<void> land(const LandSettings& settings) {
   options.timeout_s = settings.timeout_s;
   options.depth = settings.depth;
 
+  if (!settings.out.empty()) {
+    if (auto good = check_folder(settings.out); !good) return good;
+  }
   RunRecord record(options);
   const auto result = run_landing(options, settings.out.empty() ? nullptr : &record);
   if (!result) return fail(result.error());
@@ -92,12 +96,13 @@ void add_land(CLI::App& app, Job& job) {
   command->add_option("--rig", settings->rig,
                       "Rig file; without one, the authors' rig");
   command->add_option("--seed", settings->seed, "Every seed is another world")
-      ->check(CLI::NonNegativeNumber)
+      ->check(seed_number())
       ->capture_default_str();
   command->add_option("--profile", settings->profile, "default or paper")
       ->check(CLI::IsMember({"default", "paper"}))
       ->capture_default_str();
-  command->add_option("--out", settings->out, "Folder for the record and its pictures");
+  command->add_option("--out", settings->out, "Folder for the record and its pictures")
+      ->check(named());
   command->add_option("--timeout", settings->timeout_s, "Simulated seconds at most")
       ->check(finite() & CLI::Range(1.0, 3600.0))
       ->capture_default_str();

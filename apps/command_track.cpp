@@ -2,8 +2,10 @@
 #include <iostream>
 #include <memory>
 
+#include "alight/io/files.h"
 #include "alight/io/rig_yaml.h"
 #include "alight/run/track_run.h"
+#include "checks.h"
 #include "command.h"
 
 using namespace alight;
@@ -39,6 +41,9 @@ Result<void> track(const Settings& settings) {
   options.profile = settings.profile == "paper" ? Profile::paper : Profile::standard;
   options.depth = settings.depth;
 
+  if (!settings.out.empty()) {
+    if (auto good = check_folder(settings.out); !good) return good;
+  }
   const auto result = run_track(options);
   if (!result) return fail(result.error());
   if (!settings.out.empty()) {
@@ -81,7 +86,8 @@ void add_track(CLI::App& app, Job& job) {
       ->check(CLI::IsMember({"default", "paper"}))
       ->capture_default_str();
   command->add_flag("--depth", settings->depth, "Use the depth pictures too");
-  command->add_option("--out", settings->out, "Folder for estimate, frames and plots");
+  command->add_option("--out", settings->out, "Folder for estimate, frames and plots")
+      ->check(named());
   command->add_flag("--json", settings->json, "One JSON document");
   command->callback(
       [settings, &job] { job = [settings] { return track(*settings); }; });

@@ -14,7 +14,7 @@ Result<std::string> read_file(const std::string& path) {
   std::error_code code;
   const fs::file_status status = fs::status(path, code);
   if (status.type() == fs::file_type::not_found) {
-    return fail(Fault::io, path + ": no such file");
+    return fail(Fault::io, (path.empty() ? "''" : path) + ": no such file");
   }
   if (code) return fail(Fault::io, path + ": " + code.message());
   if (fs::is_directory(status)) {
@@ -46,6 +46,21 @@ Result<void> write_file(const std::string& path, std::string_view bytes) {
     fs::remove(temporary, ignored);
     return fail(Fault::io, path + ": cannot be written" +
                                (code ? ": " + code.message() : std::string()));
+  }
+  return {};
+}
+
+Result<void> check_folder(const std::string& path) {
+  std::error_code code;
+  fs::path place = fs::absolute(path, code).lexically_normal();
+  while (!fs::exists(place, code) && place.has_relative_path()) {
+    place = place.parent_path();
+  }
+  if (!fs::is_directory(place, code)) {
+    return fail(Fault::io, place.string() + ": is a file, a folder is needed");
+  }
+  if (access(place.c_str(), W_OK | X_OK) != 0) {
+    return fail(Fault::io, place.string() + ": nothing may be written there");
   }
   return {};
 }

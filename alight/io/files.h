@@ -13,6 +13,10 @@ Result<std::string> read_file(const std::string& path);
 /// name. Missing folders are made. io when the disk or the rights refuse.
 Result<void> write_file(const std::string& path, std::string_view bytes);
 
+/// Whether a folder is there, or could be made, and files written in it; makes nothing.
+/// io: "PATH: is a file, a folder is needed", ...
+Result<void> check_folder(const std::string& path);
+
 /// Makes a folder and its parents; an existing one is fine.
 Result<void> make_folder(const std::string& path);
 

@@ -2,12 +2,14 @@
 
 #include <algorithm>
 #include <cctype>
+#include <cmath>
 #include <filesystem>
 #include <opencv2/core/utils/logger.hpp>
 #include <opencv2/videoio.hpp>
 #include <optional>
 
 #include "alight/io/files.h"
+#include "alight/io/held_standard_error.h"
 #include "alight/io/text.h"
 
 namespace alight {
@@ -117,6 +119,11 @@ Result<std::vector<Entry>> read_list(const std::string& folder) {
       t_column = column_of(header, "t");
       file_column = column_of(header, "file");
       depth_column = column_of(header, "depth_file");
+      for (const std::string_view name : {"t", "file", "depth_file"}) {
+        if (std::count(header.begin(), header.end(), name) > 1) {
+          return wrong("the header has " + std::string(name) + " twice");
+        }
+      }
       if (t_column < 0 || file_column < 0) {
         return wrong(std::string("the header lacks the column ") +
                      (t_column < 0 ? "t" : "file") +
@@ -137,6 +144,10 @@ Result<std::vector<Entry>> read_list(const std::string& folder) {
     double t = 0;
     if (!parse_number(field(t_column), t)) {
       return wrong("t must be a finite number, found " + quoted(field(t_column)));
+    }
+    // Nanoseconds that fit 64 bits.
+    if (std::abs(t) > 9e9) {
+      return wrong("t must be in seconds, found " + quoted(field(t_column)));
     }
     entry.t = from_seconds(t);
     if (!entries.empty() && entry.t <= entries.back().t) {
@@ -213,10 +224,13 @@ Result<ImageSource> ImageSource::open(const std::string& path, const Rig& rig) {
   state->video.emplace();
   // A file that is none is told by us, in one line.
   cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
-  try {
-    state->video->open(path, cv::CAP_FFMPEG);
-  } catch (const cv::Exception&) {
-    state->video->release();
+  {
+    const HeldStandardError held;
+    try {
+      state->video->open(path, cv::CAP_FFMPEG);
+    } catch (const cv::Exception&) {
+      state->video->release();
+    }
   }
   if (!state->video->isOpened()) {
     return fail(Fault::invalid_input, path + ": is not a video that can be read");
@@ -238,6 +252,7 @@ Result<bool> ImageSource::next(SourceFrame& frame) {
 
 Result<bool> ImageSource::State::next_video(SourceFrame& frame) {
   cv::Mat picture;
+  const HeldStandardError held;
   try {
     if (!video->read(picture) || picture.empty()) {
       if (next == 0) return fail(Fault::invalid_input, path + ": holds no pictures");

@@ -143,6 +143,9 @@ Result<std::vector<std::string>> RunRecord::save(const std::string& folder,
         "drive" + std::filesystem::path(scenario.platform.file).extension().string();
   }
   if (auto good = make_folder(folder); !good) return fail(good.error());
+  // That of an earlier run would make a folder written in part look whole.
+  std::error_code none_there;
+  std::filesystem::remove(folder + "/result.json", none_there);
   const std::pair<const char*, std::string> files[] = {
       {"scenario.yaml", scenario_text(scenario)},
       {"rig.yaml", rig_text(p.options.rig)},

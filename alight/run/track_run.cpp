@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <filesystem>
 #include <limits>
 #include <nlohmann/json.hpp>
 
@@ -152,6 +153,9 @@ Result<void> save_track(const std::string& folder, const TrackRunOptions& option
       {"estimate.tum", tum_text(result.estimate)},
       {"frames.jsonl", result.frames},
   };
+  // That of an earlier run would make a folder written in part look whole.
+  std::error_code none_there;
+  std::filesystem::remove(folder + "/result.json", none_there);
   for (const auto& [name, text] : files) {
     if (auto good = write_file(folder + "/" + name, text); !good) return good;
   }

@@ -1,17 +1,22 @@
+#include <fcntl.h>
 #include <gtest/gtest.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <cstdio>
 #include <cstdlib>
 #include <filesystem>
-#include <fstream>
-#include <sstream>
+#include <iostream>
 #include <vector>
 
 #include "alight/geometry/rig.h"
 #include "alight/io/files.h"
 #include "alight/io/image_io.h"
 #include "alight/io/rig_yaml.h"
+#include "alight/io/text.h"
+#include "alight/run/scenario_yaml.h"
+#include "apps/program.h"
 
 namespace alight {
 namespace {
@@ -23,8 +28,25 @@ struct Ran {
   std::string out, err;
 };
 
-/// The program from outside: whatever is wrong, it says so in one line and leaves
-/// nothing behind.
+/// Words between blanks; 'one word' between quotes.
+std::vector<std::string> words_of(const std::string& line) {
+  std::vector<std::string> words;
+  bool inside = false, quotes = false;
+  for (const char c : line) {
+    if (c == '\'') quotes = !quotes;
+    if (c == ' ' && !quotes) {
+      inside = false;
+      continue;
+    }
+    if (!inside) words.emplace_back();
+    inside = true;
+    if (c != '\'') words.back() += c;
+  }
+  return words;
+}
+
+/// The program from outside, in a process of its own: whatever is wrong, it says so in
+/// one line and leaves nothing behind.
 class BadInput : public testing::Test {
  protected:
   BadInput()
@@ -43,11 +65,28 @@ class BadInput : public testing::Test {
     return at(name);
   }
 
+  /// Forked, not started: the loader needs longer for the libraries than the program
+  /// to refuse.
   Ran run(const std::string& arguments) const {
-    const std::string command = std::string("'") + ALIGHT_PROGRAM + "' " + arguments +
-                                " >'" + at("stdout") + "' 2>'" + at("stderr") + "'";
+    std::vector<std::string> words = words_of("alight " + arguments);
+    std::vector<char*> argv;
+    for (std::string& word : words) argv.push_back(word.data());
+    argv.push_back(nullptr);
+    std::cout.flush();
+    std::fflush(nullptr);
+    const pid_t child = fork();
+    if (child == 0) {
+      const int flags = O_WRONLY | O_CREAT | O_TRUNC;
+      dup2(open(at("stdout").c_str(), flags, 0600), STDOUT_FILENO);
+      dup2(open(at("stderr").c_str(), flags, 0600), STDERR_FILENO);
+      const int status = run_program(static_cast<int>(words.size()), argv.data());
+      std::cout.flush();
+      std::fflush(nullptr);
+      _exit(status);
+    }
     Ran ran;
-    const int code = std::system(command.c_str());
+    int code = 0;
+    waitpid(child, &code, 0);
     if (WIFEXITED(code)) ran.status = WEXITSTATUS(code);
     ran.out = read_file(at("stdout")).value_or("?");
     ran.err = read_file(at("stderr")).value_or("?");
@@ -98,6 +137,15 @@ class BadInput : public testing::Test {
   std::string good_rig_, good_tum_;
 };
 
+TEST_F(BadInput, IsRefusedByTheProgramItself) {
+  const std::string line =
+      std::string("'") + ALIGHT_PROGRAM + "' land --seed abc 2>'" + at("stderr") + "'";
+  const int code = std::system(line.c_str());
+  ASSERT_TRUE(WIFEXITED(code));
+  EXPECT_EQ(WEXITSTATUS(code), 2);
+  EXPECT_EQ(read_file(at("stderr")).value_or("").find("alight land: --seed"), 0u);
+}
+
 TEST_F(BadInput, Rigs) {
   const std::string none = at("absent.yaml");
   const std::string text = rig_text(alan_rig());
@@ -135,6 +183,65 @@ TEST_F(BadInput, Scenarios) {
   each("wind:\n  mean_m_s: .nan\n", {"s.yaml:2", "mean_m_s"});
   each("radio: {loss: 2}", {"s.yaml", "loss"});
   each("platform: {kind: spiral}", {"s.yaml:1", "spiral"});
+}
+
+/// `text` with the value of each of its lines "key: value" in turn made each of
+/// `values`.
+std::vector<std::string> spoilt(const std::string& text,
+                                const std::vector<std::string>& values) {
+  std::vector<std::string> all;
+  std::size_t begin = 0;
+  for (const std::string_view line : split(text, '\n')) {
+    const std::size_t colon = line.find(": ");
+    if (colon != std::string_view::npos) {
+      for (const std::string& value : values) {
+        all.push_back(text);
+        all.back().replace(begin + colon + 2, line.size() - colon - 2, value);
+      }
+    }
+    begin += line.size() + 1;
+  }
+  return all;
+}
+
+TEST_F(BadInput, NoKeyOfScenarioOrRigTakesWhatItCannotMean) {
+  const std::vector<std::string> values = {"[1]", ".nan", "1e300", "a word"};
+  const auto scenarios = spoilt(scenario_text(Scenario{}), values);
+  ASSERT_GE(scenarios.size(), 40 * values.size());
+  for (const std::string& text : scenarios) {
+    expect_refused("land --timeout 1 --scenario '" + file("s.yaml", text) + "'", 1,
+                   {"s.yaml"});
+  }
+  for (const std::string& text : spoilt(rig_text(alan_rig()), values)) {
+    expect_refused_bare("plan --from=-1,0,0.5 --rig '" + file("r.yaml", text) + "'", 1,
+                        {"r.yaml"});
+  }
+}
+
+TEST_F(BadInput, RecordedDrives) {
+  const std::string scenario =
+      "land --scenario '" + file("s.yaml", "platform: {kind: recorded, file: d.csv}") +
+      "'";
+  expect_refused(scenario, 1, {"s.yaml:1", "d.csv", "no such file"});
+  file("d.csv", "t,x,y,z,yaw_deg\n0,0,0,0.26,0\n1,0,0,0.26,west\n");
+  expect_refused(scenario, 1, {"d.csv:3", "west"});
+  file("d.csv", "t,x,y,z,yaw_deg\n1,0,0,0.26,0\n0,0,0,0.26,0\n");
+  expect_refused(scenario, 1, {"d.csv:3", "time"});
+}
+
+TEST_F(BadInput, Campaigns) {
+  const std::string good = file("good.yaml", scenario_text(Scenario{}));
+  const std::string command =
+      "campaign --timeout 1 --seeds 1 --scenario '" + good + "'";
+  expect_refused("campaign --scenario '" + at("absent.yaml") + "'", 1,
+                 {"absent.yaml", "no such file"});
+  expect_refused(command + " --scenario '" + good + "'", 1, {"good.yaml", "twice"});
+  expect_refused(command + " --rig '" + at("absent.yaml") + "'", 1, {"absent.yaml"});
+  const std::string other = file("other.sqlite", std::string(5000, 'x'));
+  const std::string taken = file("taken", "a file");
+  check(command, run(command + " --out '" + other + "'"), 1, {"other.sqlite", "store"});
+  check(command, run(command + " --out '" + taken + "/in'"), 1, {"taken"});
+  EXPECT_EQ(read_file(other).value_or(""), std::string(5000, 'x'));
 }
 
 TEST_F(BadInput, Pictures) {
@@ -185,11 +292,15 @@ TEST_F(BadInput, Sequences) {
   list("t,file\nnan," + picture + "\n", {"frames.csv:2", "finite"});
   list("t,file\n1," + picture + "\n0.5," + picture + "\n", {"frames.csv:3", "grow"});
   list("t,file\n1,gone.png\n", {"frames.csv:2", "gone.png"});
+  list("t,t,file\n0,1," + picture + "\n", {"frames.csv:1", "t twice"});
+  list("t,file\n1e30," + picture + "\n", {"frames.csv:2", "seconds"});
   fs::create_directories(at("empty"));
   expect_refused("track '" + at("empty") + "'" + rig, 1, {"empty", "frames.csv"});
   expect_refused("track '" + at("absent") + "'" + rig, 1, {"absent", "no such"});
   expect_refused("track '" + picture + "'" + rig, 1, {"one picture"});
   expect_refused("track '" + good_rig_ + "'" + rig, 1, {"good_rig.yaml", "video"});
+  expect_refused("track '" + file("text.mp4", "no video") + "'" + rig, 1,
+                 {"text.mp4", "video"});
 }
 
 TEST_F(BadInput, Logs) {
@@ -219,6 +330,17 @@ TEST_F(BadInput, Arguments) {
         std::string("fly"),
         std::string("land --seed x"),
         std::string("land --seed -1"),
+        std::string("land --seed 99999999999999999999999"),
+        std::string("land --seed 0x10"),
+        std::string("land --seed 1 --seed 2"),
+        std::string("land --seed"),
+        std::string("land --out ''"),
+        std::string("campaign"),
+        std::string("campaign --scenario x --seeds 0"),
+        std::string("campaign --scenario x --seeds many"),
+        std::string("campaign --scenario x --first-seed -1"),
+        std::string("campaign --scenario x --timeout nan"),
+        std::string("campaign --scenario x --jobs -1"),
         std::string("land --profile other"),
         std::string("land --timeout nan"),
         std::string("land --scenario"),
@@ -250,11 +372,15 @@ TEST_F(BadInput, Arguments) {
 TEST_F(BadInput, FoldersThatCannotBeWritten) {
   const std::string in_the_way = file("taken", "a file where a folder should be");
   const std::string commands[] = {
-      "detect '" + at("good.png") + "' --rig '" + good_rig_ + "'",
+      "detect '" + at("good.png") + "' --rig '" + good_rig_ + "'", "land",
+      "track '" + at("") + "' --rig '" + good_rig_ + "'",
       "eval '" + good_tum_ + "' '" + good_tum_ + "'"};
   for (const std::string& command : commands) {
     for (const char* more : {"", " --json"}) {
-      check(command, run(command + more + " --out '" + in_the_way + "'"), 1, {"taken"});
+      for (const char* below : {"", "/below"}) {
+        const std::string line = command + more + " --out '" + in_the_way + below + "'";
+        check(line, run(line), 1, {"taken"});
+      }
     }
   }
 }

@@ -1,0 +1,62 @@
+#include "program.h"
+
+#include <exception>
+#include <iostream>
+#include <string>
+
+#include "command.h"
+
+namespace {
+
+/// "alight eval", or "alight" when no command was recognized.
+std::string title(const CLI::App& app) {
+  const auto chosen = app.get_subcommands();
+  return chosen.empty() ? "alight" : "alight " + chosen.front()->get_name();
+}
+
+/// Errors are one line.
+std::string one_line(std::string text) {
+  for (char& c : text) {
+    if (c == '\n' || c == '\r') c = ' ';
+  }
+  return text;
+}
+
+}  // namespace
+
+int run_program(int argc, char** argv) {
+  CLI::App app{"Lands a quadrotor on a moving platform, seen by the platform's camera.",
+               "alight"};
+  app.require_subcommand(1);
+  app.set_version_flag("--version", "alight " ALIGHT_VERSION);
+
+  Job job;
+  add_land(app, job);
+  add_campaign(app, job);
+  add_track(app, job);
+  add_detect(app, job);
+  add_plan(app, job);
+  add_eval(app, job);
+
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& misuse) {
+    if (misuse.get_exit_code() == 0) return app.exit(misuse);  // --help, --version
+    std::cerr << title(app) << ": " << one_line(misuse.what()) << " (see " << title(app)
+              << " --help)\n";
+    return 2;
+  }
+
+  // No exceptions of ours; memory may still run out, or a library throw.
+  try {
+    if (const auto done = job(); !done) {
+      std::cout.flush();
+      std::cerr << title(app) << ": " << one_line(done.error().detail) << '\n';
+      return 1;
+    }
+  } catch (const std::exception& wrong) {
+    std::cerr << title(app) << ": " << one_line(wrong.what()) << '\n';
+    return 1;
+  }
+  return 0;
+}
