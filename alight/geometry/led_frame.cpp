@@ -34,6 +34,8 @@ const char* to_string(Refusal refusal) {
       return "too_large";
     case Refusal::other_is_nearer:
       return "other_is_nearer";
+    case Refusal::cut_by_edge:
+      return "cut_by_edge";
     case Refusal::off_constellation:
       return "off_constellation";
     case Refusal::gated:

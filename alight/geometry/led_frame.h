@@ -29,6 +29,7 @@ enum class Refusal : std::uint8_t {
   too_small,
   too_large,
   other_is_nearer,    ///< Its LED took a better blob.
+  cut_by_edge,        ///< Part of it lies outside the picture.
   off_constellation,  ///< Does not fit the pose that the others agree on.
   gated               ///< The filter found it improbable.
 };

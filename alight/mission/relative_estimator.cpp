@@ -207,6 +207,10 @@ void RelativeEstimator::search(const CameraFrame& frame, FrameReport& out,
                       : "no pose explains the picture";
     return;
   }
+  if (filter_.initialized() && !believable(*found, frame.captured)) {
+    out.why_not = "a pose that contradicts the prediction";
+    return;
+  }
   RelativeState x;
   x.p_NB = found->fit.X_NB.translation();
   x.R_NB = found->fit.X_NB.linear();
@@ -221,6 +225,7 @@ void RelativeEstimator::search(const CameraFrame& frame, FrameReport& out,
   }
   filter_.reset(frame.captured, x, covariance_of(found->fit, velocity_sd), d_N, b_N);
   misses_ = 0;
+  confirmations_ = 0;
   out.leds.clear();
   for (const LedObservation& seen : found->frame.seen) out.leds.push_back({seen, 0});
   out.refused = found->frame.refused;
@@ -228,6 +233,25 @@ void RelativeEstimator::search(const CameraFrame& frame, FrameReport& out,
   out.tracked = true;
   out.initialized = true;
   out.why_not = "";
+}
+
+bool RelativeEstimator::believable(const FoundLeds& found, Time t) {
+  const auto near = [&](const Pose& X_NB, double distance) {
+    const Pose& X_NB_found = found.fit.X_NB;
+    const Matrix3 turn = X_NB.linear().transpose() * X_NB_found.linear();
+    return (X_NB.translation() - X_NB_found.translation()).norm() < distance &&
+           so3_log(turn).norm() < config_.search_turn_deg * kDegree;
+  };
+  const Seconds unseen = to_seconds(t - last_sight_);
+  if (near(filter_.state().X_NB(),
+           config_.search_gate_m + config_.search_drift_m_s * unseen)) {
+    confirmations_ = 0;
+    return true;
+  }
+  if (found.frame.led_count() < config_.search_leds) return false;
+  confirmations_ = near(X_NB_contrary_, config_.search_gate_m) ? confirmations_ + 1 : 1;
+  X_NB_contrary_ = found.fit.X_NB;
+  return confirmations_ >= config_.search_confirmations;
 }
 
 void RelativeEstimator::expect(const Pose& X_NB, const Matrix6& cov) {

@@ -25,6 +25,11 @@ struct RelativeEstimatorConfig {
   double reprojection_max_px = 4;  ///< A worse fit counts as a miss.
   double search_gate_m = 0.5;      ///< A search's answer this near to the prediction
                                    ///< keeps the predicted velocity.
+  // An answer that contradicts the prediction may be made of lamps.
+  double search_drift_m_s = 1;     ///< A prediction may be off by the gate plus this,
+  double search_turn_deg = 35;     ///< and turned by this;
+  int search_leds = 5;             ///< else an answer needs that many LEDs,
+  int search_confirmations = 3;    ///< in so many pictures in a row.
 
   Result<void> validate() const;
   static RelativeEstimatorConfig paper();
@@ -94,6 +99,7 @@ class RelativeEstimator {
                     BlobDetector detector, LedFinder finder, LedTracker tracker,
                     RelativeFilter filter);
   void search(const CameraFrame& frame, FrameReport& out, Probe* probe);
+  bool believable(const FoundLeds& found, Time t);
   bool follow(const CameraFrame& frame, FrameReport& out, Probe* probe);
   /// The LEDs where they are expected: a fit with all but one of them in view.
   Result<FoundLeds> find_expected(BlobSpan blobs, Time t) const;
@@ -111,6 +117,8 @@ class RelativeEstimator {
   Time last_frame_ = INT64_MIN;
   Time last_sight_ = 0;
   int misses_ = 0;
+  int confirmations_ = 0;  // of the answer that contradicts the prediction
+  Pose X_NB_contrary_ = Pose::Identity();
   bool expecting_ = false;
   Pose X_NB_expected_ = Pose::Identity();
   Matrix6 cov_expected_ = Matrix6::Identity();

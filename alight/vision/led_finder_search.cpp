@@ -64,7 +64,7 @@ void LedFinder::Search::prepare(BlobSpan blobs, bool white_is_any) {
   for (std::size_t j = 0; j < blobs.size(); ++j) {
     const Vector3 ray = lens.unproject(blobs[j].uv);
     pinhole.emplace_back(lens.fx * ray.x() + lens.cx, lens.fy * ray.y() + lens.cy);
-    for (int i = 0; i < leds.size(); ++i) {
+    for (int i = 0; i < leds.size() && !blobs[j].cut; ++i) {
       if (!agrees(blobs[j].color, i)) continue;
       usable.push_back(static_cast<int>(j));
       break;

@@ -130,6 +130,7 @@ LedFrame LedTracker::track(BlobSpan blobs, const Pose& X_NB_predicted,
                              ? Refusal::other_is_nearer
                              : Refusal::wrong_color;
       }
+      if (blobs[j].cut) refused.reason = Refusal::cut_by_edge;
       if (shows(dropped)) refused.reason = Refusal::off_constellation;
       frame.refused.push_back(refused);
     }
@@ -150,8 +151,8 @@ LedFrame LedTracker::track(BlobSpan blobs, const Pose& X_NB_predicted,
       config_.gate_sd * (largest_sd(S) + (scale_sd + turn_sd) * images.size_px);
   FixedVector<int, 64> near;  // Blobs that may be LEDs at all, in their own order.
   for (std::size_t j = 0; j < blobs.size(); ++j) {
-    if ((blobs[j].uv - images.middle).norm() >
-        images.size_px + slack + config_.match_px) {
+    if (blobs[j].cut || (blobs[j].uv - images.middle).norm() >
+                            images.size_px + slack + config_.match_px) {
       continue;
     }
     near.push_back(static_cast<int>(j));
