@@ -137,16 +137,35 @@ TEST(DroneResponse, IsDrawnToTheReportedAttitude) {
   for (Time now = 0; now < 2'000 * kMs; now += 20 * kMs) {
     drone.sent(attitude(truth), now + 40 * kMs);  // what it holds anyway
     drone.advance(now + 80 * kMs);
-    drone.correct_attitude(now - 40 * kMs, truth);
+    drone.correct(now - 40 * kMs, truth, Vector3::Zero());
   }
   EXPECT_LT(angle_between(drone.at(1'900 * kMs).R_IB, truth), 1e-3);
   // One report moves what comes after it by the share given, what came before not.
   DroneResponse once;
   once.reset(0, Matrix3::Identity());
   once.advance(200 * kMs);
-  once.correct_attitude(100 * kMs, from_rpy(0, 0, 0.5), 0.4);
-  EXPECT_NEAR(yaw_of(once.at(150 * kMs).R_IB), 0.2, 1e-9);
+  const double share = once.config().attitude_share;
+  once.correct(100 * kMs, from_rpy(0, 0, 0.5), Vector3::Zero());
+  EXPECT_NEAR(yaw_of(once.at(150 * kMs).R_IB), share * 0.5, 1e-9);
   EXPECT_NEAR(yaw_of(once.at(50 * kMs).R_IB), 0, 1e-12);
+}
+
+TEST(DroneResponse, LearnsTheMomentThatNobodyCommanded) {
+  // Reports of a drone that a steady moment holds 0.1 rad off what it was sent.
+  const Matrix3 commanded = Matrix3::Identity(), truth = from_rpy(0.1, 0, 0);
+  DroneResponse knowing, ignorant;
+  for (DroneResponse* drone : {&knowing, &ignorant}) drone->reset(0, truth);
+  for (Time now = 0; now < 1'000 * kMs; now += 20 * kMs) {
+    for (DroneResponse* drone : {&knowing, &ignorant}) {
+      drone->sent(attitude(commanded), now + 40 * kMs);
+      drone->advance(now + 80 * kMs);
+    }
+    knowing.correct(now, truth, Vector3::Zero());
+  }
+  const auto off = [&](const DroneResponse& drone) {
+    return angle_between(drone.at(1'050 * kMs).R_IB, truth);
+  };
+  EXPECT_LT(off(knowing), 0.5 * off(ignorant));
 }
 
 TEST(DroneResponse, VelocityStepAsMeasured) {
@@ -185,8 +204,10 @@ TEST(DroneResponse, IgnoresWhatIsNoNumber) {
   bad.q_IB.coeffs().setZero();
   a.sent(bad, 0);
   a.sent(Setpoint{}, 0);
-  a.correct_attitude(0, Matrix3::Constant(std::nan("")));
-  a.correct_attitude(-500 * kMs, from_rpy(1, 0, 0));
+  const double nan = std::nan("");
+  a.correct(0, Matrix3::Constant(nan), Vector3::Zero());
+  a.correct(0, from_rpy(1, 0, 0), Vector3::Constant(nan));
+  a.correct(-500 * kMs, from_rpy(1, 0, 0), Vector3::Ones());
   a.advance(200 * kMs);
   b.advance(200 * kMs);
   EXPECT_EQ(a.at(200 * kMs).R_IB, b.at(200 * kMs).R_IB);
