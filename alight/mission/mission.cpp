@@ -17,6 +17,13 @@ double angle_between(const Vector3& a, const Vector3& b) {
   return std::atan2(a.cross(b).norm(), a.dot(b));
 }
 
+/// Level direction from the lens to the pad.
+Vector3 level_from_lens(const Rig& rig) {
+  Vector3 v = -rig.camera.X_NC.translation();
+  v.z() = 0;
+  return v.norm() > 1e-3 ? Vector3(v.normalized()) : Vector3(Vector3::Zero());
+}
+
 double horizontal(const Vector3& v) { return v.head<2>().norm(); }
 
 }  // namespace
@@ -25,6 +32,7 @@ Mission::Mission(const MissionConfig& config, const Rig& rig)
     : config_(places_for(config, rig)),
       gear_height_(rig.drone.gear_height_m),
       arm_(rig.drone.arm_m),
+      from_lens_(level_from_lens(rig)),
       tilt_max_(rig.drone.tilt_max_deg * kDegree) {}
 
 bool Mission::flying() const {
@@ -329,7 +337,8 @@ void Mission::taken_off(const MissionInput& in, Command& c, Output& out) {
   MoveLimits limits;
   limits.speed_m_s = config_.climb_speed_m_s;
   limits.acceleration_m_s2 = config_.move_acceleration_m_s2;
-  const Vector3 up(p_rest_.x(), p_rest_.y(), config_.take_off_height_m);
+  Vector3 up = p_rest_ + config_.take_off_back_m * from_lens_;
+  up.z() = config_.take_off_height_m;
   maneuver_ = Maneuver::move(PointToPoint(in.now, from, up, 0, limits));
 }
 

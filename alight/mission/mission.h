@@ -88,6 +88,7 @@ class Mission {
   MissionConfig config_;
   double gear_height_;
   double arm_;
+  Vector3 from_lens_;
   double tilt_max_;
   MissionStatus status_;
   Maneuver maneuver_;

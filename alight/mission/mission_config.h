@@ -15,7 +15,8 @@ struct MissionConfig {
   // enough to see the whole approach, near enough to see well.
   double follow_distance = 2.7;
   double rendezvous_distance = 2.2;
-  double take_off_height_m = 0;  ///< First stop above the pad.
+  double take_off_height_m = 0;  ///< First stop above the pad,
+  double take_off_back_m = 0.1;  ///< away from the lens by this, into the picture.
   bool start_on_floor = false;   ///< The first climb is blind.
 
   double climb_speed_m_s = 0.6;

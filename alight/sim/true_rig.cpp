@@ -42,7 +42,10 @@ TrueRig draw_true_rig(const Rig& nominal, const RigErrorScenario& error, Rng rng
   const double heavier = 1 + body.uniform(-1, 1) * error.mass;
   rig.drone.mass_kg *= heavier;
   rig.drone.inertia_kg_m2 *= heavier;
-  truth.extras.p_FCom = normal3(body, error.com_mm * 1e-3);
+  const double off_x = body.uniform(-1, 1);
+  const double off_y = body.uniform(-1, 1);
+  const double off_z = body.uniform(-1, 1);
+  truth.extras.p_FCom = error.com_mm * 1e-3 * Vector3(off_x, off_y, off_z);
   truth.extras.thrust_scale = 1 + body.uniform(-1, 1) * error.thrust;
   // Nobody measures it; as uncertain again as the mass it is divided by.
   truth.extras.drag_per_s *= 1 + body.uniform(-1, 1) * 2 * error.mass;

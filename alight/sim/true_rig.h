@@ -22,8 +22,9 @@ struct TrueRig {
   TrueExtras extras;
 };
 
-/// Draws the rig that flies around the one written down: LEDs, mount, principal point,
-/// focal length and centre of mass normal; LED frame, mass and thrust uniform.
+/// Draws the rig that flies around the one written down: LEDs, mount, principal point
+/// and focal length normal; LED frame, mass, centre of mass and thrust uniform, for a
+/// drone that is farther off is trimmed before it flies.
 TrueRig draw_true_rig(const Rig& nominal, const RigErrorScenario& error, Rng rng);
 
 }  // namespace alight
