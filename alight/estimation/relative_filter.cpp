@@ -46,8 +46,10 @@ Result<RelativeFilter> RelativeFilter::create(const RelativeFilterConfig& config
   return RelativeFilter(config, camera, leds);
 }
 
-void RelativeFilter::set_rig(const Camera& camera, const Constellation& leds) {
-  assert(leds.size() == leds_.size());
+void RelativeFilter::set_rig(const Camera& camera, const Constellation& leds,
+                             double led_sd_m) {
+  assert(leds.size() == leds_.size() && led_sd_m >= 0);
+  config_.led_position_sd_m = std::min(config_.led_position_sd_m, led_sd_m);
   camera_ = camera;
   leds_ = leds;
   stop();

@@ -34,9 +34,10 @@ class RelativeFilter {
   /// Forgets the state: initialized() is false until the next reset().
   void stop() { initialized_ = false; }
 
-  /// A rig that has been measured takes the place of the one written down; forgets the
-  /// state. @pre as many LEDs as before.
-  void set_rig(const Camera& camera, const Constellation& leds);
+  /// A rig that has been measured takes the place of the one written down; its LEDs are
+  /// known to `led_sd_m`, or as well as before if that is better. Forgets the state.
+  /// @pre as many LEDs as before.
+  void set_rig(const Camera& camera, const Constellation& leds, double led_sd_m);
 
   /// Carries the state to `t` with one input, constant since time().
   /// @returns invalid_input, and nothing changed: not initialized, t before time(),

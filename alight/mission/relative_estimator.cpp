@@ -291,7 +291,7 @@ Result<RestFit> RelativeEstimator::calibrate_at_rest() {
   tracker_.set_rig(camera_, leds_, config_.rest_led_sd_m);
   finder_.set_rig(camera_, leds_, config_.rest_led_sd_m);
   const Time t = filter_.time();
-  filter_.set_rig(camera_, leds_);
+  filter_.set_rig(camera_, leds_, config_.rest_led_sd_m);
   RelativeState x;
   x.p_NB = fit->X_NB.translation();
   x.R_NB = fit->X_NB.linear();
