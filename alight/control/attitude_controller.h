@@ -13,15 +13,15 @@ namespace alight {
 /// and its derivative. Chosen by control/loop_margins.h; docs/control.md has the
 /// numbers.
 struct AttitudeControllerConfig {
-  double kp = 7.5;    ///< 1/s^2, horizontal
-  double kv = 9.5;    ///< 1/s
-  double ka = 4.0;    ///< on the specific force
-  double kj = 0.004;  ///< s, on its derivative
+  double kp = 12;     ///< 1/s^2, horizontal
+  double kv = 8;      ///< 1/s
+  double ka = 4.6;    ///< on the specific force
+  double kj = 0.002;  ///< s, on its derivative
   double kp_z = 3.5;  ///< 1/s^2
   double kv_z = 6;    ///< 1/s
   double ka_z = 1.2;  ///< on the vertical specific force
 
-  double disturbance_lag_s = 0.25;  ///< Low-pass on d_N before it is countered.
+  double disturbance_lag_s = 0.2;  ///< Low-pass on d_N before it is countered.
 
   double drag_per_s = 0.3;  ///< Air resistance by speed over ground, fed forward.
 

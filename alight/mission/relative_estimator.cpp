@@ -83,7 +83,7 @@ Result<RelativeEstimator> RelativeEstimator::create(
   auto detector = BlobDetector::create(config.blobs, rig.camera.intrinsics.width,
                                        rig.camera.intrinsics.height);
   if (!detector) return fail(detector.error());
-  auto finder = LedFinder::create(config.finder, rig.camera, rig.leds);
+  auto finder = LedFinder::create(config.finder, rig.camera, rig.leds, rig.pad.size_m);
   if (!finder) return fail(finder.error());
   auto tracker = LedTracker::create(config.tracker, rig.camera, rig.leds);
   if (!tracker) return fail(tracker.error());

@@ -30,13 +30,13 @@ LedFinder& LedFinder::operator=(LedFinder&&) noexcept = default;
 LedFinder::~LedFinder() = default;
 
 Result<LedFinder> LedFinder::create(const LedFinderConfig& config, const Camera& camera,
-                                    const Constellation& leds) {
+                                    const Constellation& leds, double pad_size_m) {
   if (const auto valid = config.validate(); !valid) return fail(valid.error());
   if (leds.size() < 4) {
     return fail(Fault::invalid_config, "a pose needs at least 4 LEDs, the rig has " +
                                            std::to_string(leds.size()));
   }
-  auto search = std::make_unique<Search>(config, camera, leds);
+  auto search = std::make_unique<Search>(config, camera, leds, pad_size_m);
   if (search->shapes.triples().empty()) {
     return fail(Fault::invalid_config,
                 "the LEDs stand in a line, or no pose that is allowed is in view");
@@ -60,10 +60,11 @@ Result<FoundLeds> LedFinder::find(BlobSpan blobs, Time t) {
 }
 
 LedFinder::Search::Search(const LedFinderConfig& config_in, const Camera& camera_in,
-                          const Constellation& leds_in)
+                          const Constellation& leds_in, double pad_size_in)
     : config(config_in),
       camera(camera_in),
       leds(leds_in),
+      pad_size_m(pad_size_in),
       centre_B(middle_of(leds_in)),
       radius_m(radius_of(leds_in)),
       shapes(camera, leds, config.range_min_m, config.range_max_m,
@@ -73,6 +74,7 @@ LedFinder::Search::Search(const LedFinderConfig& config_in, const Camera& camera
   usable.reserve(2 * kMaxBlobs);
   by_distance.reserve(2 * kMaxBlobs);
   pinhole.reserve(2 * kMaxBlobs);
+  twins.reserve(kTwins);
   for (auto& list : neighbours) list.reserve(kNeighbours);
   for (auto& corner : of_color) {
     for (TripleSet& set : corner) set.assign(shapes.words(), 0);
@@ -130,7 +132,7 @@ Result<DetectResult> detect_once(const Rig& rig, const ImageView& image,
   auto detector = BlobDetector::create(blob_config, rig.camera.intrinsics.width,
                                        rig.camera.intrinsics.height);
   if (!detector) return fail(detector.error());
-  auto finder = LedFinder::create(finder_config, rig.camera, rig.leds);
+  auto finder = LedFinder::create(finder_config, rig.camera, rig.leds, rig.pad.size_m);
   if (!finder) return fail(finder.error());
   const auto blobs = detector->detect(image, depth);
   if (!blobs) return fail(blobs.error());

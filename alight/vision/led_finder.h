@@ -25,7 +25,9 @@ struct LedFinderConfig {
   double led_sd_m = 0.002;      ///< How well LED positions are known, per axis.
   double centroid_sd_px = 0.2;  ///< Added to the blobs' own, for what noise leaves out.
   double merge_px = 6.5;        ///< LEDs whose images are closer may share a blob.
-  double missing_cost = 8;      ///< -2 log of the chance that an LED is not seen.
+  double missing_cost = 8;      ///< -2 log of the chance that an LED is not seen,
+  double mirror_cost = 8;       ///< that a brighter light of its colour stands just
+                                ///< where the pad would show it as this LED.
   double runner_up_margin = 8;  ///< -2 log likelihood by which it must beat its rival.
   double attitude_sd_max_deg = 7;  ///< The answer's own, about its worst axis.
   /// Accept only if fewer answers as good are expected by chance of lights that have
@@ -49,8 +51,9 @@ struct FoundLeds {
 /// initialization).
 class LedFinder {
  public:
+  /// @param pad_size_m  Side of the pad, which may be glossy; 0: nothing mirrors.
   static Result<LedFinder> create(const LedFinderConfig& config, const Camera& camera,
-                                  const Constellation& leds);
+                                  const Constellation& leds, double pad_size_m = 0);
   LedFinder(LedFinder&&) noexcept;
   LedFinder& operator=(LedFinder&&) noexcept;
   ~LedFinder();

@@ -8,6 +8,7 @@ namespace alight {
 namespace {
 
 constexpr double kHopeless = 100;         // -2 log likelihood behind the best so far
+constexpr double kBrighter = 1.2;         // a light than its image in the pad
 constexpr double kPositionShare = 0.035;  // sd of the range, as a share of it
 
 bool uses(const Assignment& assignment, int blob) {
@@ -34,7 +35,28 @@ double LedFinder::Search::score_of(const Candidate& candidate,
     score += std::log(term.cov.determinant()) + 2 * std::log(2 * kPi * light_density) +
              4 * std::log(std::max(term.stretch_sd, 0.5));
   }
+  for (const auto& [image, light] : twins) {
+    if (uses(candidate.assignment, image) && !uses(candidate.assignment, light)) {
+      score += config.mirror_cost;
+    }
+  }
   return score;
+}
+
+void LedFinder::Search::find_twins(BlobSpan blobs) {
+  twins.clear();
+  const PadMirror mirror(camera, pad_size_m);
+  for (const int i : usable) {
+    const Blob& image = blobs[static_cast<std::size_t>(i)];
+    if (!mirror.shows(image.uv)) continue;
+    for (const int j : usable) {
+      const Blob& light = blobs[static_cast<std::size_t>(j)];
+      if (light.color == image.color && light.brightness > kBrighter * image.brightness &&
+          mirror.may_mirror(light.uv, image.uv) && twins.size() < kTwins) {
+        twins.emplace_back(i, j);
+      }
+    }
+  }
 }
 
 bool LedFinder::Search::settle(BlobSpan blobs, bool white_is_any, double best_score,
@@ -157,6 +179,7 @@ void LedFinder::Search::polish(FoundLeds& found) const {
 Result<FoundLeds> LedFinder::Search::decide(BlobSpan blobs, bool white_is_any, Time t) {
   settled.clear();
   rough.clear();
+  find_twins(blobs);
   const Settled* best = nullptr;
   std::sort(kept.begin(), kept.end(),
             [](const Candidate& a, const Candidate& b) { return a.score < b.score; });

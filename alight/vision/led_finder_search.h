@@ -5,6 +5,7 @@
 #include "alight/vision/blob_pose.h"
 #include "alight/vision/led_finder.h"
 #include "alight/vision/led_matcher.h"
+#include "alight/vision/pad_mirror.h"
 #include "alight/vision/shape_table.h"
 
 namespace alight {
@@ -14,9 +15,10 @@ struct LedFinder::Search {
   static constexpr int kNeighbours = 24;
   static constexpr std::size_t kKept = 24;
   static constexpr std::size_t kTried = 64;
+  static constexpr std::size_t kTwins = 256;
 
   Search(const LedFinderConfig& config_in, const Camera& camera_in,
-         const Constellation& leds_in);
+         const Constellation& leds_in, double pad_size_in);
 
   Result<FoundLeds> find_standard(BlobSpan blobs, Time t);
   Result<FoundLeds> find_paper(BlobSpan blobs, Time t);
@@ -50,6 +52,8 @@ struct LedFinder::Search {
   // led_finder_decide.cpp: from those to an answer.
   /// Refines and scores; false if it falls below what can be accepted.
   bool settle(BlobSpan blobs, bool white_is_any, double best_score, Settled& s);
+  /// For each blob that the pad may show, the brighter ones whose image it may be.
+  void find_twins(BlobSpan blobs);
   double score_of(const Candidate& candidate, std::span<const BlobTerm> terms,
                   const BlobFit& fit) const;
   /// Whether both tell the same story: near each other, or one leaves out LEDs that the
@@ -66,6 +70,7 @@ struct LedFinder::Search {
   LedFinderConfig config;
   Camera camera;
   Constellation leds;
+  double pad_size_m;
   Vector3 centre_B;
   double radius_m;  // from centre_B to the farthest LED
   ShapeTable shapes;
@@ -83,6 +88,7 @@ struct LedFinder::Search {
   std::size_t rough_next = 0;
   FixedVector<Candidate, kKept> kept;
   FixedVector<Settled, kKept> settled;
+  std::vector<std::pair<int, int>> twins;  // (blob, brighter blob it may mirror)
   GroupScratch scratch;
   double light_density = 0;  // of usable blobs in the picture, per px^2
   std::int64_t work = 0;
