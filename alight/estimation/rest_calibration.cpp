@@ -12,7 +12,8 @@ namespace {
 // length (1), principal point (2), three for each LED.
 constexpr int kPose = 0, kMount = 6, kFocal = 12, kPrincipal = 13, kLeds = 15;
 constexpr int kMost = kLeds + 3 * kMaxLeds;
-constexpr int kSteps = 15;
+constexpr int kSteps = 40;
+constexpr double kSmall = 1e-4;  // a step of so many sd moves nothing any more
 
 using Unknowns = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMost, 1>;
 using Information = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMost, kMost>;
@@ -117,7 +118,7 @@ std::optional<Fit> fit(const Rest& start, std::span<const LedObservation> seen,
     }
     best.rms_px = std::sqrt(sum / static_cast<double>(seen.size()));
     best.chi2 = w * sum + s.squaredNorm();
-    if (moved_by < 1e-6) return best;
+    if (moved_by < kSmall) return best;
     const Eigen::LLT<Eigen::Ref<Information>> llt(A);
     if (llt.info() != Eigen::Success) return std::nullopt;
     const Unknowns ds = llt.solve(b);
