@@ -264,6 +264,8 @@ void LandingSystem::Parts::control(const MissionCommand& command, Time now,
       in.tilt_limit_rad = command.tilt_limit;
       out.setpoint =
           attitude.step(in, std::max(to_seconds(now - last_now), 1e-3)).setpoint;
+      last_track = out.setpoint;
+      last_track_heading = yaw_of(platform.at(now).X_IN.linear());
       break;
     }
   }

@@ -106,6 +106,109 @@ TEST(LedFinder, FindsTheDroneOnThePadThoughTheRigFileIsWrong) {
   EXPECT_GE(found_count, 0.9 * total);
 }
 
+/// A drone at rest on a glossy pad: each LED has a twin of its colour where the pad
+/// shows it, 3 to 30 times dimmer.
+TEST(LedFinder, TakesNoMirrorImageForAnLed) {
+  const Rig rig = alan_rig();
+  auto detector = BlobDetector::create({}, 848, 480);
+  auto finder = LedFinder::create({}, rig.camera, rig.leds, rig.pad.size_m);
+  ASSERT_TRUE(detector && finder);
+  int found_count = 0, wrong = 0, twins_used = 0, twins_told = 0, total = 0;
+  for (unsigned seed = 0; total < 200; ++seed) {
+    Rng rng(seed);
+    Constellation truth = rig.leds;
+    for (Led& led : truth.leds) {
+      led.p_BL += 0.002 * Vector3(rng.normal(), rng.normal(), rng.normal());
+    }
+    const Vector3 p_NB(rng.uniform(-0.08, 0.08), rng.uniform(-0.08, 0.08),
+                       rig.drone.gear_height_m);
+    const Pose X_NB = make_pose(from_rpy(0, 0, rng.uniform(-20, 20) * kDegree), p_NB);
+    Picture picture;
+    FixedVector<Vector2, kMaxLeds> lights, twins;
+    bool in_view = true;
+    for (const Led& led : truth.leds) {
+      const Vector3 p_NL = X_NB * led.p_BL;
+      const Vector3 p_NT(p_NL.x(), p_NL.y(), -p_NL.z());
+      const auto uv = project_led(rig.camera, Pose::Identity(), p_NL);
+      const auto twin = project_led(rig.camera, Pose::Identity(), p_NT);
+      in_view = in_view && uv && twin && rig.camera.intrinsics.contains(*uv, 8);
+      if (!in_view) break;
+      const double peak = rng.uniform(400, 900);
+      picture.add(*uv, led.color, peak, 1.0);
+      picture.add(*twin, led.color,
+                  peak / std::exp(rng.uniform(std::log(3), std::log(30))), 1.0);
+      lights.push_back(*uv);
+      twins.push_back(*twin);
+    }
+    if (!in_view) continue;
+    ++total;
+    const auto blobs = detector->detect(picture.expose(rng));
+    ASSERT_TRUE(blobs);
+    const auto nearest = [](const Vector2& uv, const auto& points) {
+      double d = 1e9;
+      for (const Vector2& p : points) d = std::min(d, (p - uv).norm());
+      return d;
+    };
+    for (const Blob& blob : *blobs) {
+      twins_told += nearest(blob.uv, twins) < 1 && nearest(blob.uv, lights) > 4;
+    }
+    const auto found = finder->find(*blobs);
+    if (!found) continue;
+    ++found_count;
+    wrong += lost(X_NB, found->fit.X_NB);
+    for (const LedObservation& o : found->frame.seen) {
+      const bool merged = (o.leds & (o.leds - 1)) != 0;
+      twins_used += !merged && nearest(o.uv, lights) > 2.5;
+    }
+  }
+  printf("total %d found %d wrong %d used %d told %d\n", total, found_count, wrong,
+         twins_used, twins_told);
+  // The pictures do hold twins that could be taken.
+  EXPECT_GT(twins_told, 2 * total);
+  EXPECT_EQ(wrong, 0);
+  EXPECT_EQ(twins_used, 0);
+  EXPECT_GE(found_count, 0.9 * total);
+}
+
+/// The centroid of a light that hangs over the picture's edge is not the light's.
+TEST(LedFinder, UsesNoBlobThatThePicturesEdgeCuts) {
+  const Rig rig = alan_rig();
+  auto finder = LedFinder::create({}, rig.camera, rig.leds);
+  ASSERT_TRUE(finder);
+  int found_count = 0, used = 0, wrong = 0;
+  for (unsigned seed = 0; seed < 200; ++seed) {
+    Rng rng(seed);
+    const Pose X_NB = test::random_pose(rig, rng, 0.4, 1.5);
+    std::vector<Blob> blobs;
+    for (int i = 0; i < rig.leds.size(); ++i) {
+      blobs.push_back(test::blob_at(*project_led(rig.camera, X_NB, rig.leds.p_BL(i)),
+                                    rig.leds.color(i), rng));
+    }
+    // Even where it would fit.
+    Blob& cut = blobs[seed % blobs.size()];
+    cut.cut = true;
+    const auto found = finder->find(blobs);
+    if (!found) continue;
+    ++found_count;
+    wrong += lost(X_NB, found->fit.X_NB);
+    for (const LedObservation& o : found->frame.seen) used += o.uv == cut.uv;
+  }
+  EXPECT_EQ(used, 0);
+  EXPECT_EQ(wrong, 0);
+  EXPECT_GE(found_count, 100);
+  printf("found %d wrong %d\n", found_count, wrong);
+  std::vector<Blob> all;
+  Rng rng(1);
+  const Pose X_NB = test::random_pose(rig, rng, 0.5, 1);
+  for (int i = 0; i < rig.leds.size(); ++i) {
+    all.push_back(test::blob_at(*project_led(rig.camera, X_NB, rig.leds.p_BL(i)),
+                                rig.leds.color(i), rng));
+  }
+  ASSERT_TRUE(finder->find(all));
+  for (Blob& blob : all) blob.cut = true;
+  EXPECT_EQ(finder->find(all).error().fault, Fault::too_few_points);
+}
+
 struct Case {
   const char* name;
   int strays;

@@ -204,5 +204,80 @@ TEST(LedTrackerConfig, NamesTheFieldAndItsBounds) {
   EXPECT_NE(bad.error().detail.find("match_px is -1"), std::string::npos);
 }
 
+TEST(LedTracker, RefusesWhatThePicturesEdgeCutsByName) {
+  const Rig rig = alan_rig();
+  const LedTracker tracker = make_tracker(rig);
+  int others = 0;
+  for (unsigned seed = 0; seed < 200; ++seed) {
+    Rng rng(seed);
+    const Pose X_NB = test::random_pose(rig, rng, 0.4, 2);
+    std::vector<Blob> blobs;
+    for (int i = 0; i < rig.leds.size(); ++i) {
+      blobs.push_back(test::blob_at(*project_led(rig.camera, X_NB, rig.leds.p_BL(i)),
+                                    rig.leds.color(i), rng));
+    }
+    const Blob& cut = blobs[seed % blobs.size()];
+    blobs[seed % blobs.size()].cut = true;  // even where it would fit
+    const LedFrame frame = tracker.track(blobs, X_NB, loose_covariance());
+    for (const LedObservation& o : frame.seen) EXPECT_NE(o.uv, cut.uv) << seed;
+    others += frame.led_count() >= rig.leds.size() - 1;
+    int named = 0;
+    for (const RefusedBlob& refused : frame.refused) {
+      named += refused.uv == cut.uv && refused.reason == Refusal::cut_by_edge;
+    }
+    EXPECT_EQ(named, 1) << "seed " << seed;
+    // All of it cut: nothing is seen, everything is named.
+    for (Blob& blob : blobs) blob.cut = true;
+    const LedFrame none = tracker.track(blobs, X_NB, loose_covariance());
+    EXPECT_TRUE(none.seen.empty());
+    EXPECT_EQ(none.refused.size(), blobs.size());
+    for (const RefusedBlob& refused : none.refused) {
+      EXPECT_EQ(refused.reason, Refusal::cut_by_edge);
+    }
+  }
+  EXPECT_GE(others, 190);
+}
+
+/// As it comes from the picture: drones half out of it.
+TEST(LedTracker, ALightAtThePicturesEdgePullsNoMeasurement) {
+  const Rig rig = alan_rig();
+  const LedTracker tracker = make_tracker(rig);
+  auto detector = BlobDetector::create({}, 848, 480);
+  ASSERT_TRUE(detector);
+  int cut_lights = 0;
+  for (unsigned seed = 0; cut_lights < 60 && seed < 4000; ++seed) {
+    Rng rng(seed);
+    const Vector2 at(rng.uniform(0, 848),
+                     rng.chance(0.5) ? rng.uniform(-50, 10) : rng.uniform(430, 480));
+    const Pose X_NB = make_pose(
+        Matrix3::Identity(),
+        rig.camera.X_NC * Vector3(rng.uniform(0.6, 1.5) *
+                                  rig.camera.intrinsics.unproject(at).normalized()));
+    int at_edge = 0;
+    for (const Led& led : rig.leds.leds) {
+      const auto uv = project_led(rig.camera, X_NB, led.p_BL);
+      at_edge += uv && std::abs(std::min(uv->y(), 479 - uv->y())) < 1.5 &&
+                 uv->x() > 5 && uv->x() < 842;
+    }
+    if (at_edge == 0) continue;
+    test::Picture picture;
+    for (const Led& led : rig.leds.leds) {
+      picture.add(*project_led(rig.camera, X_NB, led.p_BL), led.color, 900, 1.5);
+    }
+    const auto blobs = detector->detect(picture.expose(rng));
+    ASSERT_TRUE(blobs);
+    const LedFrame frame = tracker.track(*blobs, X_NB, loose_covariance());
+    EXPECT_EQ(test::wrong_observations(rig, X_NB, frame, 1.0), 0) << "seed " << seed;
+    int named = 0;
+    for (const RefusedBlob& refused : frame.refused) {
+      named += refused.reason == Refusal::cut_by_edge;
+    }
+    EXPECT_GE(named, 1) << "seed " << seed;
+    printf("%zu %d\n", frame.seen.size(), named);
+    cut_lights += at_edge;
+  }
+  EXPECT_GE(cut_lights, 60);
+}
+
 }  // namespace
 }  // namespace alight
