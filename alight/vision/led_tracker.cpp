@@ -12,6 +12,10 @@ namespace {
 
 // sd by which an LED may miss its place: a pose fitted to all takes up some of it.
 constexpr double kLedGate = 2.5;
+// LEDs seen in their own colour from which on the others must be, too,
+constexpr std::size_t kEnoughColored = 3;
+// and how much larger than theirs a patch may be, three LEDs run together allowed for.
+constexpr double kLargest = 4;
 
 /// How the picture differs from the predicted one: p -> middle + m (p - middle) +
 /// shift, with m = (1 + growth) e^(i turn) as a complex number.
@@ -112,6 +116,8 @@ LedFrame LedTracker::track(BlobSpan blobs, const Pose& X_NB_predicted,
   LedFrame frame;
   frame.t = t;
   LedImages images = led_images(camera_, leds_, X_NB_predicted);
+  bool white_is_any = true;
+  double area_max = 1e9;
   const auto refuse_rest = [&](const Assignment& used, const Assignment& dropped) {
     for (std::size_t j = 0; j < blobs.size(); ++j) {
       const auto shows = [&](const Assignment& a) {
@@ -126,10 +132,11 @@ LedFrame LedTracker::track(BlobSpan blobs, const Pose& X_NB_predicted,
         const double d = (blobs[j].uv - images.uv[n]).norm();
         if (!images.in_front[n] || d > nearest) continue;
         nearest = d;
-        refused.reason = colors_agree(blobs[j].color, leds_.color(i), true)
+        refused.reason = colors_agree(blobs[j].color, leds_.color(i), white_is_any)
                              ? Refusal::other_is_nearer
                              : Refusal::wrong_color;
       }
+      if (blobs[j].area_px > area_max) refused.reason = Refusal::too_large;
       if (blobs[j].cut) refused.reason = Refusal::cut_by_edge;
       if (shows(dropped)) refused.reason = Refusal::off_constellation;
       frame.refused.push_back(refused);
@@ -157,6 +164,30 @@ LedFrame LedTracker::track(BlobSpan blobs, const Pose& X_NB_predicted,
     }
     near.push_back(static_cast<int>(j));
   }
+  // Where LEDs show their colours, what is white or far larger is a lamp, alone or run
+  // together with an LED.
+  if (config_.use_color) {
+    FixedVector<double, 64> areas;
+    for (const int j : near) {
+      const Blob& blob = blobs[static_cast<std::size_t>(j)];
+      const auto is_its = [&](const Led& led) { return led.color == blob.color; };
+      if (blob.color != LedColor::none && blob.color != LedColor::white &&
+          std::any_of(leds_.leds.begin(), leds_.leds.end(), is_its)) {
+        areas.push_back(blob.area_px);
+      }
+    }
+    if (areas.size() >= kEnoughColored) {
+      white_is_any = false;
+      const auto middle = areas.begin() + static_cast<std::ptrdiff_t>(areas.size() / 2);
+      std::nth_element(areas.begin(), middle, areas.end());
+      area_max = kLargest * *middle;
+      FixedVector<int, 64> kept;
+      for (const int j : near) {
+        if (blobs[static_cast<std::size_t>(j)].area_px <= area_max) kept.push_back(j);
+      }
+      near = kept;
+    }
+  }
 
   // 2. The similarity that explains most, found from every LED and every pair of LEDs.
   const double range =
@@ -172,7 +203,7 @@ LedFrame LedTracker::track(BlobSpan blobs, const Pose& X_NB_predicted,
     from_middle[n] = images.uv[n] - images.middle;
   }
   const auto agrees = [&](const Blob& blob, int i) {
-    return !config_.use_color || colors_agree(blob.color, leds_.color(i), true);
+    return !config_.use_color || colors_agree(blob.color, leds_.color(i), white_is_any);
   };
   Shift best;
   double best_score = -1e9;
@@ -233,7 +264,7 @@ LedFrame LedTracker::track(BlobSpan blobs, const Pose& X_NB_predicted,
     shifted.uv[n] = images.middle + best(from_middle[n]);
   }
   const std::span<const int> candidates(near.data(), near.size());
-  MatchRule rule{tolerance, config_.merge_px, config_.use_color, true};
+  MatchRule rule{tolerance, config_.merge_px, config_.use_color, white_is_any};
   Assignment match = match_leds(shifted, leds_, blobs, candidates, rule);
 
   // 4. Refine from the prediction, look again where the LEDs then must be, and drop

@@ -273,7 +273,6 @@ TEST(LedTracker, ALightAtThePicturesEdgePullsNoMeasurement) {
       named += refused.reason == Refusal::cut_by_edge;
     }
     EXPECT_GE(named, 1) << "seed " << seed;
-    printf("%zu %d\n", frame.seen.size(), named);
     cut_lights += at_edge;
   }
   EXPECT_GE(cut_lights, 60);
