@@ -1,0 +1,941 @@
+#include "alight/mission/mission.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <vector>
+
+namespace alight {
+namespace {
+
+constexpr Time kStep = 10'000'000;  // 100 Hz
+
+/// A mission, and a drone that does at once what it is asked to do; everything that
+/// may go wrong is a switch.
+class Flight {
+ public:
+  explicit Flight(const MissionConfig& config = {}, const Rig& rig = alan_rig())
+      : rig_(rig), mission_(config, rig) {
+    x_.p_NB = Vector3(0, 0, rig.drone.gear_height_m);
+  }
+
+  // What may go wrong.
+  bool link_up = true, telemetry = true, platform = true, sight = true;
+  bool arms = true;  ///< Does as ordered.
+  bool motors_stop = false;
+  bool lifts = true;  ///< Rises when thrust is enough.
+  bool planner_answers = true;
+  bool plans_feasible = true;
+  Time planner_delay = 2 * kStep;
+  double battery = 1;
+  AutopilotMode mode = AutopilotMode::offboard;
+  Vector3 off = Vector3::Zero();           ///< From the reference, where it flies.
+  Vector3 slid = Vector3::Zero();          ///< On the ground, when the motors run.
+  double tip = 0;                          ///< rad, likewise.
+  OperatorWish wish = OperatorWish::none;  ///< Once.
+
+  // What came of it.
+  std::vector<MissionTransition> transitions;
+  std::vector<PlanRequest> requests;
+  MissionCommand c;
+  double reference_jump_m = 0;  ///< Largest from one step to the next, while flying.
+  int orders_land = 0, orders_disarm = 0, orders_arm = 0;
+
+  const Mission& mission() const { return mission_; }
+  MissionState state() const { return mission_.status().state; }
+  std::string reason() const { return mission_.status().reason; }
+  Time now() const { return now_; }
+  RelativeState& x() { return x_; }
+  const Rig& rig() const { return rig_; }
+  bool armed() const { return armed_; }
+
+  void step() {
+    now_ += kStep;
+    LinkStatus status;
+    status.captured = status.received = status.last_answer = now_;
+    status.round_trip_ms = 80;
+    if (link_up) link_.add(status);
+
+    MissionInput in;
+    in.now = now_;
+    in.wish = wish;
+    wish = OperatorWish::none;
+    in.telemetry_heard = telemetry_ = telemetry_ || (telemetry && link_up);
+    if (link_up) {
+      armed_heard_ = armed_;
+      mode_heard_ = mode;
+    }
+    in.armed = armed_heard_;
+    in.mode = mode_heard_;
+    in.battery = battery;
+    in.link = &link_;
+    in.platform_ready = platform;
+    if (sight) {
+      seen_ = now_;
+      x_seen_ = x_;
+      ever_seen_ = true;
+    }
+    in.estimate_valid = ever_seen_;
+    in.x = x_;
+    in.x_seen = x_seen_;
+    in.seen = seen_;
+    in.platform.v_IN_N = Vector3(0.9, 0, 0);
+    PlanArrival arrival;
+    if (asked_ && planner_answers && now_ >= answer_at_) {
+      asked_ = false;
+      arrival.received = now_;
+      arrival.result = answer_;
+      in.plan = &arrival;
+    }
+
+    Output out;
+    const bool flew = mission_.flying();
+    const Vector3 p_before = mission_.maneuver().at(now_).p_NB;
+    c = mission_.step(in, out);
+    if (flew && mission_.flying() && off.isZero()) {
+      const Vector3 p_after = mission_.maneuver().at(now_).p_NB;
+      reference_jump_m = std::max(reference_jump_m, (p_after - p_before).norm());
+    }
+    for (const MissionTransition& t : out.transitions) transitions.push_back(t);
+    EXPECT_EQ(out.mission.state, mission_.status().state);
+    if (out.has_plan_request) {
+      requests.push_back(out.plan_request);
+      asked_ = true;
+      answer_at_ = now_ + planner_delay;
+      answer_ = answer(out.plan_request);
+    }
+    orders_arm += c.order == AutopilotOrder::arm;
+    orders_disarm += c.order == AutopilotOrder::disarm;
+    orders_land += c.order == AutopilotOrder::land;
+    move();
+  }
+
+  void run(Seconds s) {
+    for (const Time end = now_ + from_seconds(s); now_ < end;) step();
+  }
+  /// Steps until `state`; false if that takes longer than `limit_s`.
+  bool until(MissionState state, Seconds limit_s = 30) {
+    for (const Time end = now_ + from_seconds(limit_s); now_ < end;) {
+      step();
+      if (mission_.status().state == state) return true;
+    }
+    return false;
+  }
+  /// From idle to `state`, nothing going wrong.
+  bool reach(MissionState state) {
+    wish = OperatorWish::go;
+    return until(state, 60);
+  }
+  /// Within a landing, to a reference below `height`.
+  bool until_below(double height) {
+    for (int i = 0; i < 1000 && state() == MissionState::land; ++i) {
+      if (x_.p_NB.z() < height) return true;
+      step();
+    }
+    return false;
+  }
+
+ private:
+  void move() {
+    if (c.order == AutopilotOrder::arm && arms && link_up) armed_ = true;
+    if (c.order == AutopilotOrder::disarm && link_up) armed_ = false;
+    if (motors_stop) armed_ = false;
+    switch (c.mode) {
+      case MissionCommand::Mode::ramp:
+        // More thrust than weight lifts it by as much as matters.
+        if (lifts && c.ramp_share > 1) x_.p_NB.z() += 0.005;
+        if (c.ramp_share > 0.9) {
+          x_.p_NB += slid;
+          slid.setZero();
+          if (tip != 0) x_.R_NB = so3_exp(Vector3(0, tip, 0));
+        }
+        break;
+      case MissionCommand::Mode::track:
+      case MissionCommand::Mode::settle: {
+        const FlatState ref = mission_.maneuver().at(now_ + kStep);
+        x_.p_NB = ref.p_NB + off;
+        x_.v_NB = ref.v_NB;
+        x_.R_NB.setIdentity();
+        break;
+      }
+      default:
+        break;
+    }
+    // The pad holds it, or the floor.
+    const bool over_pad = x_.p_NB.head<2>().cwiseAbs().maxCoeff() < 0.3;
+    const double ground = over_pad ? 0 : -rig_.pad.above_floor_m;
+    x_.p_NB.z() = std::max(x_.p_NB.z(), ground + rig_.drone.gear_height_m);
+  }
+
+  /// A straight way from where it begins to the pad.
+  PlanResult answer(const PlanRequest& request) const {
+    PlanResult plan;
+    plan.id = request.id;
+    plan.start = request.start;
+    if (!plans_feasible) {
+      plan.reason = "no trajectory keeps the view";
+      return plan;
+    }
+    plan.status = PlanStatus::solved;
+    const Vector3 a = request.from.p_NB;
+    const Vector3 pad(0, 0, rig_.drone.gear_height_m), b(0, 0, 0.3);
+    plan.trajectory.durations = {1.5, 1.0};
+    for (std::size_t i = 0; i < kControlPoints; ++i) {
+      const double u = static_cast<double>(i) / (kControlPoints - 1);
+      plan.trajectory.c[0][i] = a + u * (b - a);
+      plan.trajectory.c[1][i] = b + u * (pad - b);
+    }
+    return plan;
+  }
+
+  Rig rig_;
+  Mission mission_;
+  LinkMonitor link_;
+  Time now_ = 1'000'000'000;
+  RelativeState x_, x_seen_;
+  Time seen_ = 0;
+  bool ever_seen_ = false, telemetry_ = false;
+  bool armed_ = false, armed_heard_ = false;
+  AutopilotMode mode_heard_ = AutopilotMode::manual;
+  bool asked_ = false;
+  Time answer_at_ = 0;
+  PlanResult answer_;
+};
+
+using State = MissionState;
+
+void expect_last(const Flight& f, State from, State to, const char* reason) {
+  ASSERT_FALSE(f.transitions.empty());
+  const MissionTransition& last = f.transitions.back();
+  EXPECT_EQ(last.from, from) << to_string(last.from);
+  EXPECT_EQ(last.to, to) << to_string(last.to);
+  EXPECT_STREQ(last.reason, reason);
+  EXPECT_EQ(f.state(), to);
+}
+
+TEST(Mission, NormalLife) {
+  Flight f;
+  f.run(1);
+  EXPECT_EQ(f.state(), State::idle);
+  EXPECT_EQ(f.c.mode, MissionCommand::Mode::silent);
+  EXPECT_EQ(f.orders_arm, 0);
+  ASSERT_TRUE(f.reach(State::complete)) << to_string(f.state()) << f.reason();
+
+  const struct {
+    State from, to;
+    const char* reason;
+  } life[] = {
+      {State::idle, State::armed, "all is ready: arming"},
+      {State::armed, State::taken_off, "armed: taking off"},
+      {State::taken_off, State::follow, "clear of the pad: to the follow point"},
+      {State::follow, State::rendezvous, "following well: to the rendezvous"},
+      {State::rendezvous, State::land, "the landing is planned"},
+      {State::land, State::shut_down, "stands on the pad"},
+      {State::shut_down, State::complete, "motors stopped"},
+  };
+  ASSERT_EQ(f.transitions.size(), std::size(life));
+  for (std::size_t i = 0; i < std::size(life); ++i) {
+    EXPECT_EQ(f.transitions[i].from, life[i].from) << i;
+    EXPECT_EQ(f.transitions[i].to, life[i].to) << i;
+    EXPECT_STREQ(f.transitions[i].reason, life[i].reason) << i;
+    if (i == 0) continue;
+    EXPECT_GT(f.transitions[i].t, f.transitions[i - 1].t);
+  }
+  EXPECT_LT(f.reference_jump_m, 1e-6);
+  EXPECT_EQ(f.mission().status().attempts, 1);
+  EXPECT_EQ(f.requests.size(), 1u);
+  EXPECT_FALSE(f.armed());
+  EXPECT_FALSE(f.mission().flying());
+  EXPECT_EQ(f.c.mode, MissionCommand::Mode::silent);
+  // Complete stays complete.
+  f.wish = OperatorWish::go;
+  f.run(2);
+  f.wish = OperatorWish::abort;
+  f.run(2);
+  EXPECT_EQ(f.state(), State::complete);
+  EXPECT_EQ(f.c.order, AutopilotOrder::none);
+}
+
+TEST(Mission, CommandsFollowTheState) {
+  Flight f;
+  f.wish = OperatorWish::go;
+  bool lifted = false;
+  double ramp = 0;
+  for (int i = 0; i < 6000 && f.state() != State::complete; ++i) {
+    f.step();
+    SCOPED_TRACE(to_string(f.state()));
+    switch (f.state()) {
+      case State::idle:
+      case State::complete:
+        EXPECT_EQ(f.c.mode, MissionCommand::Mode::silent);
+        EXPECT_TRUE(f.c.on_ground);
+        break;
+      case State::taken_off:
+        if (f.c.lifted) {
+          EXPECT_FALSE(lifted) << "lifts off once";
+          lifted = true;
+          // Thrust at the weight, then a rise of lift_m with the third power of time.
+          EXPECT_NEAR(f.c.lifted_since, 0.174, 0.01);
+        } else if (f.c.mode == MissionCommand::Mode::ramp) {
+          EXPECT_FALSE(lifted);
+          EXPECT_GE(f.c.ramp_share, ramp);
+          ramp = f.c.ramp_share;
+        }
+        if (!f.transitions.empty() && f.now() > f.transitions.back().t) {
+          EXPECT_EQ(f.c.on_ground, !lifted);
+        }
+        break;
+      case State::follow:
+      case State::rendezvous:
+        EXPECT_EQ(f.c.mode, MissionCommand::Mode::track);
+        EXPECT_FALSE(f.c.on_ground);
+        EXPECT_TRUE(f.mission().flying());
+        break;
+      default:
+        break;
+    }
+    EXPECT_GT(f.c.tilt_limit, 30 * kDegree);
+    EXPECT_EQ(f.c.platform_speed_wish, 1);
+  }
+  EXPECT_TRUE(lifted);
+  EXPECT_EQ(f.state(), State::complete);
+}
+
+TEST(Mission, TouchingDownThrustGoesToNothingBeforeTheMotorsStop) {
+  Flight f;
+  ASSERT_TRUE(f.reach(State::land));
+  double share = 1;
+  int settling = 0;
+  while (f.state() == State::land) {
+    f.step();
+    if (f.c.mode != MissionCommand::Mode::settle) continue;
+    ++settling;
+    EXPECT_LE(f.c.ramp_share, share);
+    share = f.c.ramp_share;
+    EXPECT_LT(f.x().p_NB.z(), f.rig().drone.gear_height_m + 0.03);
+    EXPECT_EQ(f.orders_disarm, 0);
+  }
+  EXPECT_GE(settling, 5);
+  EXPECT_EQ(f.state(), State::shut_down);
+}
+
+// Refused before it has left the ground; nothing but a disarm is ever ordered.
+struct Refusing {
+  const char* name;
+  void (*set)(Flight&);
+  const char* reason;
+};
+class MissionRefuses : public testing::TestWithParam<Refusing> {};
+
+TEST_P(MissionRefuses, AndSaysWhy) {
+  Flight f;
+  GetParam().set(f);
+  ASSERT_TRUE(f.reach(State::refused)) << to_string(f.state());
+  EXPECT_EQ(f.reason(), GetParam().reason);
+  EXPECT_FALSE(f.mission().flying());
+  EXPECT_EQ(f.orders_land, 0);
+  // For good.
+  f.link_up = f.telemetry = f.platform = f.sight = f.arms = f.lifts = true;
+  f.battery = 1;
+  const int arms_before = f.orders_arm;
+  f.wish = OperatorWish::go;
+  f.run(12);
+  EXPECT_EQ(f.state(), State::refused);
+  EXPECT_EQ(f.orders_arm, arms_before);
+  EXPECT_EQ(f.c.mode, MissionCommand::Mode::silent);
+  EXPECT_FALSE(f.armed());
+}
+INSTANTIATE_TEST_SUITE_P(
+    Cases, MissionRefuses,
+    testing::Values(Refusing{"NoLink", [](Flight& f) { f.link_up = false; },
+                             "the radio link is not healthy"},
+                    Refusing{"NoTelemetry", [](Flight& f) { f.telemetry = false; },
+                             "the autopilot sends no telemetry"},
+                    Refusing{"NoOdometry", [](Flight& f) { f.platform = false; },
+                             "there is no platform odometry"},
+                    Refusing{"NoSight", [](Flight& f) { f.sight = false; },
+                             "the LEDs are not seen on the pad"},
+                    Refusing{"LowBattery", [](Flight& f) { f.battery = 0.1; },
+                             "the battery is too low to start"},
+                    Refusing{"DoesNotArm", [](Flight& f) { f.arms = false; },
+                             "the autopilot does not arm"},
+                    Refusing{"DoesNotLift", [](Flight& f) { f.lifts = false; },
+                             "did not leave the ground"}),
+    [](const auto& case_of) { return case_of.param.name; });
+
+TEST(Mission, WaitsForWhatIsMissingAndThenStarts) {
+  Flight f;
+  f.sight = false;
+  f.wish = OperatorWish::go;
+  f.run(5);
+  EXPECT_EQ(f.state(), State::idle);
+  EXPECT_EQ(f.orders_arm, 0);
+  f.sight = true;
+  EXPECT_TRUE(f.until(State::follow));
+}
+
+TEST(Mission, AnOldSightIsNone) {
+  Flight f;
+  f.run(1);
+  f.sight = false;
+  f.run(1);
+  f.wish = OperatorWish::go;
+  ASSERT_TRUE(f.until(State::refused));
+  EXPECT_EQ(f.reason(), "the LEDs are not seen on the pad");
+}
+
+/// Brings a mission into any state of its normal life or of the exceptions.
+bool bring(Flight& f, State state) {
+  switch (state) {
+    case State::idle:
+      f.run(0.5);
+      return f.state() == State::idle;
+    case State::hold:
+      if (!f.reach(State::follow)) return false;
+      f.wish = OperatorWish::hold;
+      f.step();
+      return f.state() == State::hold;
+    case State::go_around:
+      if (!f.reach(State::land)) return false;
+      f.run(0.3);
+      f.off = Vector3(0.4, 0, 0);
+      if (!f.until(State::go_around, 1)) return false;
+      f.off.setZero();
+      f.step();
+      return true;
+    case State::lost_target:
+      if (!f.reach(State::follow)) return false;
+      f.sight = false;
+      return f.until(State::lost_target, 1);
+    case State::lost_link:
+      if (!f.reach(State::follow)) return false;
+      f.link_up = false;
+      return f.until(State::lost_link, 2);
+    case State::armed:
+    case State::shut_down:
+      // Is left at once where all goes well.
+      return f.reach(state);
+    default:
+      return f.reach(state);
+  }
+}
+
+constexpr State kInTheAir[] = {State::follow, State::rendezvous, State::land,
+                               State::hold,   State::go_around,  State::lost_target};
+
+TEST(Mission, AbortBeforeTheStartIsARefusal) {
+  for (const State state : {State::idle, State::armed, State::taken_off}) {
+    SCOPED_TRACE(to_string(state));
+    Flight f;
+    ASSERT_TRUE(bring(f, state));
+    ASSERT_FALSE(f.mission().flying());
+    f.wish = OperatorWish::abort;
+    f.step();
+    EXPECT_EQ(f.state(), State::refused);
+    if (state != State::taken_off) {
+      EXPECT_EQ(f.reason(), "the operator aborted before the start");
+    }
+    EXPECT_EQ(f.c.order,
+              state == State::idle ? AutopilotOrder::none : AutopilotOrder::disarm);
+    EXPECT_EQ(f.orders_land, 0);
+    f.run(1);
+    EXPECT_FALSE(f.armed());
+  }
+}
+
+TEST(Mission, AbortInTheAirLandsByTheAutopilot) {
+  for (const State state : kInTheAir) {
+    SCOPED_TRACE(to_string(state));
+    Flight f;
+    ASSERT_TRUE(bring(f, state));
+    f.wish = OperatorWish::abort;
+    f.step();
+    expect_last(f, state, State::aborted, "the operator aborted: the autopilot lands");
+    // Ordered again and again, until the motors stand; never a disarm in the air.
+    f.run(2);
+    EXPECT_GE(f.orders_land, 15);
+    EXPECT_EQ(f.orders_disarm, 0);
+    EXPECT_EQ(f.c.mode, MissionCommand::Mode::silent);
+    f.mode = AutopilotMode::land;
+    EXPECT_TRUE(f.mission().flying());
+    f.motors_stop = true;
+    f.run(0.1);
+    EXPECT_FALSE(f.mission().flying());
+    const int ordered = f.orders_land;
+    f.run(1);
+    EXPECT_EQ(f.orders_land, ordered);
+    EXPECT_EQ(f.state(), State::aborted);
+  }
+}
+
+TEST(Mission, AbortWhileClimbingLandsByTheAutopilot) {
+  Flight f;
+  ASSERT_TRUE(f.reach(State::taken_off));
+  while (!f.mission().flying() && f.state() == State::taken_off) f.step();
+  ASSERT_TRUE(f.mission().flying());
+  f.wish = OperatorWish::abort;
+  f.step();
+  expect_last(f, State::taken_off, State::aborted,
+              "the operator aborted: the autopilot lands");
+}
+
+TEST(Mission, ALostTargetThatReturnsGoesAround) {
+  for (const State state :
+       {State::follow, State::rendezvous, State::land, State::go_around}) {
+    SCOPED_TRACE(to_string(state));
+    Flight f;
+    ASSERT_TRUE(bring(f, state));
+    f.sight = false;
+    f.run(0.2);
+    EXPECT_EQ(f.state(), state) << "a few pictures are no loss";
+    f.run(0.1);
+    expect_last(f, state, State::lost_target, "the LEDs are out of sight");
+    EXPECT_EQ(f.c.mode, MissionCommand::Mode::track) << "flies on by the prediction";
+    EXPECT_TRUE(f.mission().flying());
+    f.run(1);
+    EXPECT_EQ(f.state(), State::lost_target);
+    f.sight = true;
+    f.step();
+    expect_last(f, State::lost_target, State::go_around, "the LEDs are in sight again");
+    EXPECT_TRUE(f.until(State::complete)) << to_string(f.state());
+    EXPECT_LT(f.reference_jump_m, 1e-6);
+  }
+}
+
+TEST(Mission, ALostTargetThatStaysAwayIsLeftToTheAutopilot) {
+  Flight f;
+  ASSERT_TRUE(bring(f, State::lost_target));
+  const Time since = f.now();
+  ASSERT_TRUE(f.until(State::aborted, 5));
+  EXPECT_EQ(f.reason(), "the LEDs stay out of sight: the autopilot lands");
+  EXPECT_NEAR(to_seconds(f.now() - since), MissionConfig{}.give_up_s, 0.05);
+  f.sight = true;
+  f.run(1);
+  EXPECT_EQ(f.state(), State::aborted);
+  EXPECT_GE(f.orders_land, 5);
+}
+
+TEST(Mission, ALostLinkLeavesTheAutopilotAlone) {
+  for (const State state : kInTheAir) {
+    SCOPED_TRACE(to_string(state));
+    Flight f;
+    ASSERT_TRUE(bring(f, state));
+    f.link_up = false;
+    double limit = f.c.tilt_limit;
+    bool silent_too_soon = false;
+    const Time since = f.now();
+    while (f.state() != State::lost_link && f.now() - since < 2'000'000'000) {
+      f.step();
+      // As the link ages the tilt that may be commanded shrinks.
+      EXPECT_LE(f.c.tilt_limit, limit);
+      limit = f.c.tilt_limit;
+      silent_too_soon |=
+          f.state() != State::lost_link && f.c.mode == MissionCommand::Mode::silent;
+    }
+    ASSERT_EQ(f.state(), State::lost_link);
+    EXPECT_EQ(f.reason(), "nothing heard from the drone: its autopilot acts alone");
+    EXPECT_FALSE(silent_too_soon);
+    EXPECT_LE(limit, 3.01 * kDegree);
+    f.run(3);
+    EXPECT_EQ(f.state(), State::lost_link);
+    EXPECT_EQ(f.c.mode, MissionCommand::Mode::silent);
+    EXPECT_TRUE(f.mission().flying());
+  }
+}
+
+TEST(Mission, ALinkThatReturnsGoesAround) {
+  Flight f;
+  ASSERT_TRUE(bring(f, State::lost_link));
+  f.sight = false;
+  f.run(0.5);
+  f.link_up = true;
+  f.run(1);
+  EXPECT_EQ(f.state(), State::lost_link) << "first it must be seen";
+  f.sight = true;
+  f.step();
+  expect_last(f, State::lost_link, State::go_around, "the link is back");
+  EXPECT_TRUE(f.until(State::complete));
+}
+
+TEST(Mission, ALinkThatReturnsAfterTheLandingTellsSo) {
+  Flight f;
+  ASSERT_TRUE(bring(f, State::lost_link));
+  f.mode = AutopilotMode::land;
+  f.run(3);
+  f.link_up = true;
+  f.run(1);
+  EXPECT_EQ(f.state(), State::lost_link) << "the autopilot lands: nothing interferes";
+  EXPECT_EQ(f.c.mode, MissionCommand::Mode::silent);
+  f.motors_stop = true;
+  ASSERT_TRUE(f.until(State::complete, 1));
+  EXPECT_EQ(f.reason(), "the autopilot landed by itself");
+  EXPECT_FALSE(f.mission().flying());
+}
+
+TEST(Mission, TheAutopilotsFailsafeTakesOver) {
+  for (const State state : kInTheAir) {
+    SCOPED_TRACE(to_string(state));
+    Flight landing;
+    ASSERT_TRUE(bring(landing, state));
+    landing.mode = AutopilotMode::land;
+    landing.step();
+    expect_last(landing, state, State::lost_link,
+                "the autopilot's failsafe has taken over");
+  }
+  // A burst of losses passes.
+  Flight f;
+  ASSERT_TRUE(bring(f, State::follow));
+  f.mode = AutopilotMode::failsafe;
+  f.run(0.9);
+  f.mode = AutopilotMode::offboard;
+  f.run(0.2);
+  f.mode = AutopilotMode::failsafe;
+  f.run(0.9);
+  for (const auto& t : f.transitions) EXPECT_NE(t.to, State::lost_link);
+  f.run(0.3);
+  EXPECT_EQ(f.state(), State::lost_link);
+  EXPECT_EQ(f.reason(), "the autopilot's failsafe has taken over");
+}
+
+TEST(Mission, AnInfeasiblePlanIsTriedAgainAndThenFollowed) {
+  Flight f;
+  f.plans_feasible = false;
+  ASSERT_TRUE(f.reach(State::rendezvous));
+  ASSERT_TRUE(f.until(State::follow, 20));
+  EXPECT_EQ(f.reason(), "no trajectory keeps the view");
+  EXPECT_EQ(static_cast<int>(f.requests.size()), MissionConfig{}.plan_tries);
+  EXPECT_EQ(f.mission().status().attempts, 1);
+  for (std::size_t i = 1; i < f.requests.size(); ++i) {
+    EXPECT_GT(f.requests[i].id, f.requests[i - 1].id);
+    EXPECT_NEAR(to_seconds(f.requests[i].start - f.requests[i - 1].start),
+                MissionConfig{}.plan_retry_s, 0.03);
+  }
+  ASSERT_TRUE(f.until(State::rendezvous, 20));
+  f.plans_feasible = true;
+  ASSERT_TRUE(f.until(State::complete));
+  EXPECT_EQ(f.mission().status().attempts, 2);
+}
+
+TEST(Mission, APlanIsAskedFromWhereTheReferenceWillBe) {
+  Flight f;
+  ASSERT_TRUE(f.reach(State::land));
+  ASSERT_EQ(f.requests.size(), 1u);
+  const PlanRequest& request = f.requests[0];
+  const MissionConfig placed = places_for({}, f.rig());
+  EXPECT_TRUE(request.from.p_NB.isApprox(placed.rendezvous_point, 1e-9));
+  EXPECT_EQ(request.platform.t, request.start);
+  EXPECT_TRUE(request.platform.v_IN_N.isApprox(Vector3(0.9, 0, 0), 1e-9));
+  // It ends, later, on the pad.
+  const Vector3 end = f.mission().maneuver().at(f.now() + from_seconds(10)).p_NB;
+  EXPECT_LT(end.head<2>().norm(), 1e-9);
+}
+
+TEST(Mission, APlannerThatIsLateOrSilentIsNamed) {
+  Flight late;
+  late.planner_delay = from_seconds(0.2);  // in force after 0.12 s
+  ASSERT_TRUE(late.reach(State::rendezvous));
+  ASSERT_TRUE(late.until(State::follow, 20));
+  EXPECT_EQ(late.reason(), "the plan came too late");
+
+  Flight silent;
+  silent.planner_answers = false;
+  ASSERT_TRUE(silent.reach(State::rendezvous));
+  ASSERT_TRUE(silent.until(State::follow, 20));
+  EXPECT_EQ(silent.reason(), "the planner does not answer");
+}
+
+// The answer to a question that is no longer asked.
+TEST(Mission, AnOldPlanIsNotFlown) {
+  Flight f;
+  f.planner_delay = from_seconds(0.08);
+  ASSERT_TRUE(f.reach(State::rendezvous));
+  while (f.requests.empty()) f.step();
+  f.wish = OperatorWish::hold;
+  f.run(1);
+  EXPECT_EQ(f.state(), State::hold);
+  const Vector3 end = f.mission().maneuver().at(f.now() + from_seconds(10)).p_NB;
+  EXPECT_TRUE(end.isApprox(places_for({}, f.rig()).follow_point, 1e-9));
+}
+
+TEST(Mission, TooFarFromTheTrajectoryGoesAround) {
+  Flight f;
+  ASSERT_TRUE(f.reach(State::land));
+  f.run(0.3);
+  f.off = Vector3(0.3, 0, 0);
+  f.run(0.3);
+  EXPECT_EQ(f.state(), State::land);
+  f.off = Vector3(0.36, 0, 0);
+  f.run(0.02);
+  expect_last(f, State::land, State::go_around, "too far from the trajectory");
+  f.off.setZero();
+  ASSERT_TRUE(f.until(State::complete));
+  EXPECT_EQ(f.mission().status().attempts, 2);
+}
+
+TEST(Mission, NotOverThePadAtTheCommitHeightGoesAround) {
+  for (const double way : {0.0, 1.0, 2.5, 4.0}) {
+    Flight f;
+    ASSERT_TRUE(f.reach(State::land));
+    f.run(0.3);
+    f.off = 0.13 * Vector3(std::cos(way), std::sin(way), 0);
+    ASSERT_TRUE(f.until(State::go_around, 15)) << to_string(f.state());
+    expect_last(f, State::land, State::go_around,
+                "not over the pad at the commit height");
+    EXPECT_GT(f.x().p_NB.z(), f.rig().drone.gear_height_m + 0.04);
+    f.off.setZero();
+    EXPECT_TRUE(f.until(State::complete));
+  }
+}
+
+TEST(Mission, BelowTheCommitHeightItLandsWhateverComes) {
+  Flight f;
+  ASSERT_TRUE(f.reach(State::land));
+  ASSERT_TRUE(f.until_below(0.11));
+  f.wish = OperatorWish::hold;
+  f.off = Vector3(0.15, 0, 0);
+  f.run(0.1);
+  EXPECT_EQ(f.state(), State::land);
+  EXPECT_TRUE(f.until(State::complete));
+  EXPECT_EQ(f.mission().status().attempts, 1);
+}
+
+TEST(Mission, NoTouchDownWhereThePadShouldBeGoesAround) {
+  Flight f;
+  ASSERT_TRUE(f.reach(State::land));
+  ASSERT_TRUE(f.until_below(0.11));
+  f.off = Vector3(0, 0, 0.12);
+  ASSERT_TRUE(f.until(State::go_around, 10));
+  EXPECT_EQ(f.reason(), "no touch-down where the pad should be");
+  EXPECT_EQ(f.orders_disarm, 0) << "motors run as long as it flies";
+}
+
+TEST(Mission, TooManyFailedLandingsHold) {
+  MissionConfig config;
+  config.attempts_max = 3;
+  Flight f(config);
+  f.plans_feasible = false;
+  ASSERT_TRUE(f.reach(State::hold));
+  EXPECT_EQ(f.reason(), "too many landings have failed");
+  EXPECT_EQ(f.mission().status().attempts, 3);
+  f.plans_feasible = true;
+  f.run(10);
+  EXPECT_EQ(f.state(), State::hold) << "until the operator says otherwise";
+  EXPECT_TRUE(f.x().p_NB.isApprox(places_for(config, f.rig()).follow_point, 1e-6));
+  f.wish = OperatorWish::go;
+  f.step();
+  expect_last(f, State::hold, State::follow, "the operator goes on");
+  EXPECT_EQ(f.mission().status().attempts, 0);
+  EXPECT_TRUE(f.until(State::complete));
+}
+
+TEST(Mission, EachFailedLandingIsFollowedByALongerWait) {
+  Flight f;
+  f.plans_feasible = false;
+  ASSERT_TRUE(f.reach(State::follow));
+  Seconds last = 0;
+  for (int i = 0; i < 4; ++i) {
+    ASSERT_TRUE(f.until(State::rendezvous, 60));
+    ASSERT_TRUE(f.until(State::follow, 60));
+    const Time began = f.now();
+    Flight copy = f;
+    ASSERT_TRUE(copy.until(State::rendezvous, 60));
+    const Seconds waited = to_seconds(copy.now() - began);
+    if (i > 0) {
+      EXPECT_NEAR(waited - last, MissionConfig{}.settle_more_s, 0.05);
+    }
+    last = waited;
+  }
+}
+
+TEST(Mission, TheOperatorHoldsAndGoesOn) {
+  for (const State state :
+       {State::follow, State::rendezvous, State::land, State::go_around}) {
+    SCOPED_TRACE(to_string(state));
+    Flight f;
+    ASSERT_TRUE(bring(f, state));
+    f.wish = OperatorWish::hold;
+    f.step();
+    expect_last(f, state, State::hold, "the operator holds");
+    f.run(20);
+    EXPECT_EQ(f.state(), State::hold);
+    f.wish = OperatorWish::go;
+    f.step();
+    expect_last(f, State::hold, State::follow, "the operator goes on");
+    EXPECT_TRUE(f.until(State::complete));
+    EXPECT_LT(f.reference_jump_m, 1e-6);
+  }
+}
+
+TEST(Mission, MotorsThatStopInTheAirEndIt) {
+  for (const State state : kInTheAir) {
+    if (state == State::land) continue;
+    SCOPED_TRACE(to_string(state));
+    Flight f;
+    ASSERT_TRUE(bring(f, state));
+    f.motors_stop = true;
+    f.run(0.05);
+    expect_last(f, state, State::aborted, "the autopilot stopped its motors");
+    EXPECT_FALSE(f.mission().flying());
+    EXPECT_EQ(f.orders_land, 0);
+  }
+}
+
+TEST(Mission, MotorsThatStopDuringTheApproachEndItToo) {
+  Flight f;
+  ASSERT_TRUE(f.reach(State::land));
+  f.run(0.3);
+  f.motors_stop = true;
+  for (int i = 0; i < 100 && f.state() != State::aborted; ++i) {
+    f.off.z() = -0.5 * kGravity * i * i * 1e-4;
+    f.step();
+  }
+  EXPECT_EQ(f.state(), State::aborted);
+  EXPECT_EQ(f.reason(), "the autopilot stopped its motors");
+}
+
+// Light on its feet a drone slides or tips before it flies: feedback cannot wait.
+TEST(Mission, SlippingOrTippingAtTakeOffCountsAsLifted) {
+  struct Case {
+    Vector3 slid;
+    double tip_deg;
+    bool lifts;
+  };
+  const Case cases[] = {{{0.07, 0, 0}, 0, true},
+                        {{0, -0.07, 0}, 0, true},
+                        {{0.04, 0, 0}, 0, false},
+                        {{0, 0, 0}, 17, true},
+                        {{0, 0, 0}, -17, true},
+                        {{0, 0, 0}, 12, false},
+                        {{0, 0, 0.014}, 0, true},
+                        {{0, 0, 0.008}, 0, false},
+                        // Over a foot: the middle rises, but it stands.
+                        {{0, 0, 0.0175}, 10, false},
+                        {{0, 0, 0.03}, 10, true}};
+  for (const Case& c : cases) {
+    SCOPED_TRACE(testing::Message() << c.slid.transpose() << " m, " << c.tip_deg);
+    Flight f;
+    f.lifts = false;
+    f.slid = c.slid;
+    f.tip = c.tip_deg * kDegree;
+    ASSERT_TRUE(f.reach(State::taken_off));
+    bool lifted = false;
+    for (int i = 0; i < 1000 && f.state() == State::taken_off && !lifted; ++i) {
+      f.step();
+      lifted = f.c.lifted;
+    }
+    EXPECT_EQ(lifted, c.lifts);
+    EXPECT_EQ(f.mission().flying(), c.lifts);
+    if (!lifted) {
+      EXPECT_EQ(f.state(), State::refused);
+      EXPECT_EQ(f.reason(), "did not leave the ground");
+      continue;
+    }
+    EXPECT_EQ(f.c.mode, MissionCommand::Mode::track);
+    EXPECT_EQ(f.c.lifted_since > 0, c.slid.z() > 0) << "only a rise has a past";
+    EXPECT_TRUE(f.until(State::complete));
+  }
+}
+
+TEST(Mission, UnseenItIsNotThoughtToHaveLifted) {
+  Flight f;
+  ASSERT_TRUE(f.reach(State::taken_off));
+  f.sight = false;
+  ASSERT_TRUE(f.until(State::refused, 6));
+  EXPECT_FALSE(f.mission().flying());
+  EXPECT_GE(f.orders_disarm, 1);
+}
+
+TEST(Mission, FromTheFloorTheClimbIsBlindAndEndsInSight) {
+  MissionConfig config;
+  config.start_on_floor = true;
+  Flight f(config);
+  f.sight = false;
+  f.wish = OperatorWish::go;
+  ASSERT_TRUE(f.until(State::taken_off));
+  EXPECT_EQ(f.c.platform_speed_wish, 0) << "the platform waits";
+  f.run(1);
+  EXPECT_EQ(f.state(), State::taken_off);
+  f.x().p_NB = Vector3(-1, 0, 0.5);
+  f.sight = true;
+  f.step();
+  expect_last(f, State::taken_off, State::follow, "in sight: to the follow point");
+  EXPECT_TRUE(f.c.lifted);
+  EXPECT_EQ(f.c.platform_speed_wish, 1);
+  EXPECT_LT((f.mission().maneuver().at(f.now()).p_NB - Vector3(-1, 0, 0.5)).norm(),
+            1e-9);
+  EXPECT_TRUE(f.until(State::complete));
+}
+
+TEST(Mission, FromTheFloorNeverInSightIsLandedByTheAutopilot) {
+  MissionConfig config;
+  config.start_on_floor = true;
+  Flight f(config);
+  f.sight = false;
+  f.wish = OperatorWish::go;
+  ASSERT_TRUE(f.until(State::aborted));
+  EXPECT_EQ(f.reason(), "never came into sight: the autopilot lands");
+  EXPECT_TRUE(f.mission().flying()) << "it may, unseen";
+  EXPECT_EQ(f.orders_disarm, 0);
+  EXPECT_GE(f.orders_land, 1);
+}
+
+TEST(Mission, ThePaperCutsThrustAtTheEndOfTheTrajectory) {
+  MissionConfig config;
+  config.cut_height_m = 0.14;
+  Flight f(config);
+  ASSERT_TRUE(f.reach(State::shut_down));
+  EXPECT_EQ(f.reason(), "over the pad: thrust is cut");
+  EXPECT_EQ(f.c.mode, MissionCommand::Mode::idle);
+  EXPECT_TRUE(f.until(State::complete));
+}
+
+// One fault of any kind and length, at any moment: never a disarm away from the pad,
+// never a set-point against the autopilot's own landing, and an end that is told.
+TEST(Mission, AnyOneFaultAtAnyMomentEndsWell) {
+  int complete = 0, aborted = 0;
+  for (int fault = 0; fault < 6; ++fault) {
+    for (int moment = 0; moment < 24; ++moment) {
+      for (const double lasting : {0.15, 0.6, 5.0}) {
+        SCOPED_TRACE(testing::Message()
+                     << "fault " << fault << " at " << moment << " for " << lasting);
+        Flight f;
+        f.wish = OperatorWish::go;
+        const Time begin = f.now() + from_seconds(0.7 * moment + 0.005);
+        const Time end = begin + from_seconds(lasting);
+        for (int i = 0; i < 6000; ++i) {
+          const bool on = f.now() >= begin && f.now() < end;
+          f.sight = !(fault == 0 && on);
+          f.link_up = !(fault == 1 && on);
+          f.planner_answers = !(fault == 2 && on);
+          f.plans_feasible = !(fault == 3 && on);
+          f.mode = fault == 4 && on ? AutopilotMode::failsafe : AutopilotMode::offboard;
+          f.off = fault == 5 && on && f.mission().flying() ? Vector3(0, 0.4, 0)
+                                                           : Vector3::Zero();
+          const bool flew = f.mission().flying();
+          f.step();
+          if (f.c.order == AutopilotOrder::disarm && flew) {
+            EXPECT_LT(f.x().p_NB.z(), f.rig().drone.gear_height_m + 0.03);
+            EXPECT_LT(f.x().p_NB.head<2>().norm(), 0.45);
+          }
+          if (f.state() == State::lost_link || f.state() == State::aborted) {
+            EXPECT_EQ(f.c.mode, MissionCommand::Mode::silent);
+          }
+          EXPECT_STRNE(f.mission().status().reason, "");
+          if (f.state() == State::complete || f.state() == State::aborted) break;
+        }
+        complete += f.state() == State::complete;
+        aborted += f.state() == State::aborted;
+        EXPECT_TRUE(f.state() == State::complete || f.state() == State::aborted ||
+                    f.state() == State::refused)
+            << to_string(f.state()) << ": " << f.reason();
+      }
+    }
+  }
+  EXPECT_GT(complete, 300);
+  EXPECT_GT(aborted, 5);
+}
+
+}  // namespace
+}  // namespace alight
