@@ -1,0 +1,509 @@
+#include "alight/mission/relative_estimator.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "alight/base/rng.h"
+
+namespace alight {
+namespace {
+
+constexpr Time kFrame = 16'666'667;
+
+/// A rig with a small picture: pixels as large as the authors', fewer of them.
+Rig small_rig() {
+  Rig rig = alan_rig();
+  Intrinsics& lens = rig.camera.intrinsics;
+  lens.width = 480;
+  lens.height = 320;
+  lens.cx = 239.5;
+  lens.cy = 159.5;
+  return rig;
+}
+
+/// A dark picture with Gaussian lights in it.
+class Picture {
+ public:
+  explicit Picture(const Intrinsics& lens)
+      : width_(lens.width),
+        height_(lens.height),
+        bytes_(static_cast<std::size_t>(lens.width * lens.height * 3), 3) {}
+
+  void clear() { std::fill(bytes_.begin(), bytes_.end(), std::uint8_t{3}); }
+
+  void add(const Vector2& uv, LedColor color, double peak = 700, double sd = 1.0) {
+    const Vector3 bgr = color == LedColor::red     ? Vector3(0.25, 0.2, 1)
+                        : color == LedColor::green ? Vector3(0.3, 1, 0.2)
+                        : color == LedColor::blue  ? Vector3(1, 0.3, 0.2)
+                                                   : Vector3(1, 1, 1);
+    const int cu = static_cast<int>(std::lround(uv.x()));
+    const int cv = static_cast<int>(std::lround(uv.y()));
+    for (int v = std::max(cv - 6, 0); v <= std::min(cv + 6, height_ - 1); ++v) {
+      for (int u = std::max(cu - 6, 0); u <= std::min(cu + 6, width_ - 1); ++u) {
+        const double value =
+            peak * std::exp(-(Vector2(u, v) - uv).squaredNorm() / (2 * sd * sd));
+        for (int c = 0; c < 3; ++c) {
+          auto& byte = bytes_[static_cast<std::size_t>((v * width_ + u) * 3 + c)];
+          byte = static_cast<std::uint8_t>(std::min(byte + value * bgr[c], 255.0));
+        }
+      }
+    }
+  }
+
+  ImageView view() const {
+    return {bytes_.data(), width_, height_, 3, static_cast<std::ptrdiff_t>(width_) * 3};
+  }
+
+ private:
+  int width_, height_;
+  std::vector<std::uint8_t> bytes_;
+};
+
+/// An estimator, and the drone it looks at.
+struct Watch {
+  explicit Watch(const RelativeEstimatorConfig& config = config_for_tests(),
+                 const Rig& rig_in = small_rig())
+      : rig(rig_in),
+        truth(rig_in),
+        estimator(RelativeEstimator::create(config, rig_in).value()),
+        picture(rig_in.camera.intrinsics) {}
+
+  static RelativeEstimatorConfig config_for_tests() {
+    return RelativeEstimatorConfig::camera_only();
+  }
+
+  /// A drone that sways slowly about a place of the approach, upright.
+  static Pose sway(Time t) {
+    const double s = to_seconds(t);
+    const Vector3 p_NB(-0.35 + 0.05 * std::sin(s), 0.06 * std::sin(0.8 * s),
+                       0.35 + 0.04 * std::cos(1.1 * s));
+    return make_pose(from_rpy(0, 0, 0.1 * std::sin(0.7 * s)), p_NB);
+  }
+
+  void draw(const Pose& X_NB, unsigned which = 0x3f) {
+    picture.clear();
+    add(X_NB, which);
+  }
+  void add(const Pose& X_NB, unsigned which = 0x3f) {
+    for (int i = 0; i < truth.leds.size(); ++i) {
+      if (((which >> i) & 1) == 0) continue;
+      const auto uv = project_led(truth.camera, X_NB, truth.leds.p_BL(i));
+      if (uv) picture.add(*uv, truth.leds.color(i));
+    }
+  }
+  bool fuse(Time t) {
+    CameraFrame frame;
+    frame.captured = t;
+    frame.received = t + 30'000'000;
+    frame.color = picture.view();
+    return estimator.fuse(frame, motion, report);
+  }
+  /// A picture of the drone where it truly is.
+  bool look(Time t, unsigned which = 0x3f) {
+    draw(sway(t), which);
+    return fuse(t);
+  }
+  /// Pictures in a row, all tracked.
+  void follow(int pictures) {
+    for (int i = 0; i < pictures; ++i) {
+      now += kFrame;
+      ASSERT_TRUE(look(now));
+      ASSERT_TRUE(report.tracked) << i << ": " << report.why_not;
+    }
+  }
+  double position_error() const {
+    return (report.x.p_NB - sway(report.t).translation()).norm();
+  }
+  double rotation_error_deg() const {
+    return angle_between(report.x.R_NB, Matrix3(sway(report.t).linear())) / kDegree;
+  }
+
+  Rig rig, truth;
+  RelativeEstimator estimator;
+  Picture picture;
+  NoMotion motion;
+  FrameReport report;
+  Time now = 0;
+};
+
+TEST(RelativeEstimator, InitializesWithOnePictureAndTracks) {
+  Watch w;
+  EXPECT_FALSE(w.estimator.initialized());
+  w.now = kFrame;
+  ASSERT_TRUE(w.look(w.now));
+  ASSERT_TRUE(w.report.tracked) << w.report.why_not;
+  EXPECT_TRUE(w.report.initialized);
+  EXPECT_TRUE(w.estimator.initialized());
+  EXPECT_STREQ(w.report.why_not, "");
+  double worst_m = 0, worst_deg = 0;
+  for (int i = 0; i < 240; ++i) {
+    w.now += kFrame;
+    ASSERT_TRUE(w.look(w.now));
+    ASSERT_TRUE(w.report.tracked) << i << ": " << w.report.why_not;
+    EXPECT_FALSE(w.report.initialized);
+    EXPECT_EQ(w.report.t, w.now);
+    EXPECT_EQ(w.estimator.last_sight(), w.now);
+    EXPECT_EQ(w.report.leds.size(), 6u);
+    if (i < 30) continue;
+    worst_m = std::max(worst_m, w.position_error());
+    worst_deg = std::max(worst_deg, w.rotation_error_deg());
+  }
+  EXPECT_LT(worst_m, 0.004);
+  EXPECT_LT(worst_deg, 1);
+}
+
+// The n-th picture, for every n: lost, black, late, repeated or of the wrong size.
+enum class Mishap { lost, black, late, repeated, wrong_size, null };
+
+TEST(RelativeEstimator, StandsOnePictureInEveryNThatIsNotAsItShouldBe) {
+  for (const Mishap fault : {Mishap::lost, Mishap::black, Mishap::late,
+                             Mishap::repeated, Mishap::wrong_size, Mishap::null}) {
+    for (const int every : {2, 3, 7}) {
+      SCOPED_TRACE(testing::Message()
+                   << "fault " << static_cast<int>(fault) << ", every " << every);
+      Watch w;
+      w.follow(5);
+      double worst_m = 0;
+      for (int i = 1; i <= 42; ++i) {
+        w.now += kFrame;
+        const bool good = i % every != 0;
+        if (good) {
+          ASSERT_TRUE(w.look(w.now));
+          ASSERT_TRUE(w.report.tracked) << i << ": " << w.report.why_not;
+          EXPECT_FALSE(w.report.initialized) << "never lost";
+          worst_m = std::max(worst_m, w.position_error());
+          continue;
+        }
+        const Time last_sight = w.estimator.last_sight();
+        const RelativeState before = w.estimator.filter().state();
+        switch (fault) {
+          case Mishap::lost:
+            break;
+          case Mishap::black:
+            w.picture.clear();
+            EXPECT_TRUE(w.fuse(w.now));
+            EXPECT_FALSE(w.report.tracked);
+            EXPECT_STRNE(w.report.why_not, "");
+            break;
+          case Mishap::late:
+          case Mishap::repeated: {
+            // Refused as such: nothing changes.
+            const Time t = fault == Mishap::late ? w.now - 4 * kFrame : w.now - kFrame;
+            EXPECT_FALSE(w.look(t));
+            EXPECT_FALSE(w.report.tracked);
+            EXPECT_STREQ(w.report.why_not, "not newer than the last picture");
+            EXPECT_EQ(w.estimator.filter().state().p_NB, before.p_NB);
+            break;
+          }
+          case Mishap::wrong_size:
+          case Mishap::null: {
+            CameraFrame frame;
+            frame.captured = frame.received = w.now;
+            frame.color = w.picture.view();
+            if (fault == Mishap::null) {
+              frame.color.data = nullptr;
+            } else {
+              frame.color.width /= 2;
+            }
+            w.estimator.fuse(frame, w.motion, w.report);
+            EXPECT_FALSE(w.report.tracked);
+            EXPECT_STREQ(w.report.why_not, "the picture cannot be read");
+            break;
+          }
+        }
+        EXPECT_TRUE(w.estimator.initialized());
+        EXPECT_EQ(w.estimator.last_sight(), last_sight);
+        EXPECT_TRUE(w.estimator.filter().covariance().allFinite());
+      }
+      EXPECT_LT(worst_m, 0.006);
+    }
+  }
+}
+
+TEST(RelativeEstimator, WithoutPicturesItForgetsInTheEndAndFindsAgain) {
+  Watch w;
+  const auto config = Watch::config_for_tests();
+  w.follow(30);
+  const Time last_sight = w.now;
+  w.picture.clear();
+  while (to_seconds(w.now - last_sight) < config.forget_after_s - 0.05) {
+    w.now += kFrame;
+    w.fuse(w.now);
+    EXPECT_FALSE(w.report.tracked);
+    EXPECT_TRUE(w.estimator.initialized());
+  }
+  while (to_seconds(w.now - last_sight) < config.forget_after_s + 0.05) {
+    w.now += kFrame;
+    w.fuse(w.now);
+  }
+  EXPECT_FALSE(w.estimator.initialized());
+  w.now += kFrame;
+  ASSERT_TRUE(w.look(w.now));
+  EXPECT_TRUE(w.report.tracked);
+  EXPECT_TRUE(w.report.initialized);
+  EXPECT_LT(w.position_error(), 0.02);
+}
+
+TEST(RelativeEstimator, SameCallsSameBits) {
+  Watch a, b;
+  for (int i = 0; i < 60; ++i) {
+    a.now += kFrame;
+    const unsigned which = i % 7 == 0 ? 0x07 : 0x3f;
+    a.look(a.now, which);
+    b.look(a.now, which);
+    ASSERT_EQ(a.report.tracked, b.report.tracked);
+    ASSERT_EQ(a.report.x.p_NB, b.report.x.p_NB);
+    ASSERT_EQ(a.report.x.R_NB, b.report.x.R_NB);
+    ASSERT_EQ(a.report.cov, b.report.cov);
+  }
+}
+
+/// Far from where the drone was last seen, as another constellation of lights would be.
+Pose elsewhere(Time t) {
+  Pose X_NB = Watch::sway(t);
+  X_NB.translation() += Vector3(-0.75, -0.3, 0.28);
+  return X_NB;
+}
+
+// A whole constellation where the drone cannot be: once is chance, again and again is
+// the drone.
+TEST(RelativeEstimator, ASearchThatContradictsThePredictionMustRepeatItself) {
+  const auto config = Watch::config_for_tests();
+  Watch w;
+  w.follow(60);
+  const RelativeState before = w.report.x;
+  int told = 0, pictures = 0;
+  bool taken = false;
+  for (; pictures < 30 && !taken; ++pictures) {
+    w.now += kFrame;
+    w.draw(elsewhere(w.now));
+    w.fuse(w.now);
+    taken = w.report.tracked;
+    if (taken) break;
+    told += std::string(w.report.why_not) == "a pose that contradicts the prediction";
+    EXPECT_LT((w.estimator.filter().state().p_NB - before.p_NB).norm(), 0.1)
+        << "not believed yet";
+  }
+  ASSERT_TRUE(taken);
+  EXPECT_EQ(told, config.search_confirmations - 1);
+  EXPECT_TRUE(w.report.initialized);
+  EXPECT_LT((w.report.x.p_NB - elsewhere(w.now).translation()).norm(), 0.05);
+}
+
+TEST(RelativeEstimator, AContradictionThatDoesNotRepeatIsNeverBelieved) {
+  Watch w;
+  w.follow(60);
+  // As long as the prediction is not so old that it could be there.
+  for (int i = 0; i < 17; ++i) {
+    w.now += kFrame;
+    // Here and there, never twice in a row at one place.
+    Pose X_NB = elsewhere(w.now);
+    X_NB.translation().y() += (i % 2 == 0) ? 0.0 : 0.7;
+    w.draw(X_NB);
+    w.fuse(w.now);
+    EXPECT_FALSE(w.report.tracked) << i;
+    EXPECT_FALSE(w.report.initialized);
+  }
+  // The drone is where it was all the time.
+  w.now += kFrame;
+  ASSERT_TRUE(w.look(w.now));
+  EXPECT_TRUE(w.report.tracked) << w.report.why_not;
+  EXPECT_LT(w.position_error(), 0.02);
+}
+
+TEST(RelativeEstimator, AfterMissesTooFewLedsAreNotFused) {
+  const auto config = Watch::config_for_tests();
+  const unsigned few[] = {0x01, 0x03, 0x07, 0x38, 0x15, 0x20};
+  for (const unsigned which : few) {
+    ASSERT_LT(std::popcount(which), config.leds_after_misses);
+    SCOPED_TRACE(which);
+    Watch w;
+    w.follow(30);
+    w.picture.clear();
+    for (int i = 0; i < config.misses_before_search; ++i) {
+      w.now += kFrame;
+      w.fuse(w.now);
+    }
+    for (int i = 0; i < 20; ++i) {
+      const Time at = w.now + kFrame;
+      // The same without the picture: a mere prediction.
+      const RelativeState predicted = w.estimator.carried_to(at, w.motion).x;
+      w.now = at;
+      w.look(w.now, which);
+      EXPECT_FALSE(w.report.tracked);
+      EXPECT_TRUE(w.report.leds.empty());
+      EXPECT_LT((w.estimator.filter().state().p_NB - predicted.p_NB).norm(), 1e-9);
+    }
+    w.now += kFrame;
+    w.look(w.now);
+    EXPECT_TRUE(w.report.tracked) << w.report.why_not;
+  }
+  // Before any miss a few do, and with another rule they would here.
+  Watch w;
+  w.follow(30);
+  w.now += kFrame;
+  w.look(w.now, 0x15);
+  EXPECT_TRUE(w.report.tracked) << w.report.why_not;
+  RelativeEstimatorConfig careless = config;
+  careless.leds_after_misses = 1;
+  Watch c(careless);
+  c.follow(30);
+  c.picture.clear();
+  for (int i = 0; i < config.misses_before_search; ++i) c.fuse(c.now += kFrame);
+  c.now += kFrame;
+  c.look(c.now, 0x15);
+  EXPECT_TRUE(c.report.tracked) << c.report.why_not;
+}
+
+/// A drone at rest, and a rig that is not as it was written down.
+struct AtRest : Watch {
+  explicit AtRest(unsigned seed) : Watch(config(), alan_rig()) {
+    Rng rng(seed);
+    for (Led& led : truth.leds.leds) {
+      led.p_BL += 0.002 * Vector3(rng.normal(), rng.normal(), rng.normal());
+    }
+    X_NB_rest = make_pose(
+        from_rpy(rng.normal(0, 0.02), rng.normal(0, 0.02), rng.normal(0, 0.05)),
+        Vector3(rng.uniform(-0.03, 0.03), rng.uniform(-0.03, 0.03),
+                rig.drone.gear_height_m));
+    cov.diagonal() << 3.6e-3, 3.6e-3, 1e-5, 3e-3, 3e-3, 3e-2;
+  }
+  static RelativeEstimatorConfig config() {
+    RelativeEstimatorConfig c = RelativeEstimatorConfig::camera_only();
+    c.calibrate_at_rest = true;
+    return c;
+  }
+  void expect() {
+    estimator.expect(
+        make_pose(Matrix3::Identity(), Vector3(0, 0, rig.drone.gear_height_m)), cov);
+  }
+  int stand(int pictures, unsigned which = 0x3f) {
+    int tracked = 0;
+    draw(X_NB_rest, which);
+    for (int i = 0; i < pictures; ++i) {
+      now += kFrame;
+      fuse(now);
+      tracked += report.tracked;
+    }
+    return tracked;
+  }
+  Pose X_NB_rest;
+  Matrix6 cov = Matrix6::Zero();
+};
+
+double shape_error(const Constellation& a, const Constellation& b) {
+  double sum = 0;
+  for (int i = 0; i < a.size(); ++i) {
+    for (int j = 0; j < i; ++j) {
+      sum +=
+          std::pow((a.p_BL(i) - a.p_BL(j)).norm() - (b.p_BL(i) - b.p_BL(j)).norm(), 2);
+    }
+  }
+  return std::sqrt(sum);
+}
+
+TEST(RelativeEstimator, MeasuresTheRigAtRestAndGoesOnWithIt) {
+  int better = 0, answered = 0;
+  double before_px = 0, after_px = 0;
+  constexpr int kRigs = 20;
+  for (unsigned seed = 0; seed < kRigs; ++seed) {
+    SCOPED_TRACE(seed);
+    AtRest w(seed);
+    w.expect();
+    ASSERT_GE(w.stand(40), 35);
+    before_px += w.report.reprojection_px;
+    const auto fit = w.estimator.calibrate_at_rest();
+    if (!fit) continue;
+    ++answered;
+    EXPECT_LT(fit->rms_px, 0.3);
+    EXPECT_LT(fit->rms_px, fit->rms_before_px);
+    better +=
+        shape_error(fit->leds, w.truth.leds) < shape_error(w.rig.leds, w.truth.leds);
+    // From where it stands, with the rig as found.
+    const RelativeState& x = w.estimator.filter().state();
+    EXPECT_TRUE(x.p_NB.isApprox(Vector3(fit->X_NB.translation()), 1e-12));
+    EXPECT_EQ(w.estimator.filter().time(), w.now);
+    ASSERT_EQ(w.stand(5), 5);
+    EXPECT_FALSE(w.report.initialized);
+    EXPECT_LT(w.report.reprojection_px, 0.3);
+    after_px += w.report.reprojection_px;
+    // Once found the rig is the filter's: where it stands fits.
+    EXPECT_LT((w.report.x.p_NB - fit->X_NB.translation()).norm(), 0.003);
+  }
+  EXPECT_EQ(answered, kRigs);
+  EXPECT_GE(better, kRigs - 3);
+  EXPECT_LT(after_px, 0.5 * before_px);
+}
+
+TEST(RelativeEstimator, MeasuresNothingItHasNotSeenLongEnough) {
+  {
+    AtRest never_told(1);
+    never_told.stand(40);
+    EXPECT_EQ(never_told.estimator.calibrate_at_rest().error().fault,
+              Fault::too_few_points);
+  }
+  {
+    AtRest short_look(1);
+    short_look.expect();
+    short_look.stand(AtRest::config().rest_pictures - 5);
+    EXPECT_EQ(short_look.estimator.calibrate_at_rest().error().fault,
+              Fault::too_few_points);
+    // Told anew, it begins anew.
+    short_look.expect();
+    short_look.stand(10);
+    EXPECT_EQ(short_look.estimator.calibrate_at_rest().error().fault,
+              Fault::too_few_points);
+    short_look.stand(AtRest::config().rest_pictures);
+    EXPECT_TRUE(short_look.estimator.calibrate_at_rest());
+  }
+  {
+    AtRest unseen(1);
+    unseen.expect();
+    unseen.picture.clear();
+    for (int i = 0; i < 40; ++i) unseen.fuse(unseen.now += kFrame);
+    EXPECT_EQ(unseen.estimator.calibrate_at_rest().error().fault,
+              Fault::too_few_points);
+  }
+  {
+    RelativeEstimatorConfig off = AtRest::config();
+    off.calibrate_at_rest = false;
+    AtRest w(1);
+    w.estimator = RelativeEstimator::create(off, w.rig).value();
+    w.expect();
+    w.stand(40);
+    EXPECT_FALSE(w.estimator.calibrate_at_rest());
+  }
+}
+
+TEST(RelativeEstimatorConfig, NamesWhatIsOutOfBounds) {
+  const Rig rig = small_rig();
+  EXPECT_TRUE(RelativeEstimatorConfig{}.validate());
+  EXPECT_TRUE(RelativeEstimatorConfig::paper().validate());
+  EXPECT_TRUE(RelativeEstimatorConfig::camera_only().validate());
+  const auto complaint = [&](auto&& change) {
+    RelativeEstimatorConfig config;
+    change(config);
+    const auto bad = RelativeEstimator::create(config, rig);
+    EXPECT_FALSE(bad);
+    return bad ? std::string() : bad.error().detail;
+  };
+  const auto has = [](const std::string& text, const char* word) {
+    return text.find(word) != std::string::npos;
+  };
+  EXPECT_TRUE(
+      has(complaint([](auto& c) { c.prediction_step_ms = 0; }), "prediction_step_ms"));
+  EXPECT_TRUE(has(complaint([](auto& c) { c.misses_before_search = 0; }),
+                  "misses_before_search"));
+  EXPECT_TRUE(has(complaint([](auto& c) { c.forget_after_s = std::nan(""); }),
+                  "forget_after_s"));
+  EXPECT_TRUE(has(complaint([](auto& c) { c.rest.led_sd_m = 0; }), "led_sd_m"));
+  EXPECT_TRUE(has(complaint([](auto& c) { c.tracker.match_px = -1; }), "match_px"));
+}
+
+}  // namespace
+}  // namespace alight
