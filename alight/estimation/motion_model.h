@@ -50,8 +50,8 @@ struct ProcessNoise {
   /// of v_NB', m/s^2 per sqrt(Hz); over the random walks' it is the shortest time
   /// constant, s, in which these can follow.
   double acceleration = 0.1;
-  double disturbance = 1.4;  ///< random walk of d_N, m/s^3 per sqrt(Hz)
-  double bias = 1.4;         ///< random walk of b_N, m/s^3 per sqrt(Hz)
+  double disturbance = 1.7;  ///< random walk of d_N, m/s^3 per sqrt(Hz)
+  double bias = 0.9;         ///< random walk of b_N, m/s^3 per sqrt(Hz)
 };
 
 /// Carries a state over `dt` s (may be negative):

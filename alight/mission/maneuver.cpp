@@ -23,6 +23,7 @@ Maneuver Maneuver::landing(const Trajectory& trajectory, Time start, double sink
   m.kind_ = Kind::landing;
   m.trajectory_ = trajectory;
   m.start_ = start;
+  m.pace_ = Pace(start);
   m.sink_m_ = sink_m;
   return m;
 }
@@ -36,7 +37,8 @@ FlatState Maneuver::at(Time t) const {
     case Kind::landing:
       break;
   }
-  const Seconds s = to_seconds(t - start_);
+  const Pace::Reading pace = pace_.at(t);
+  const Seconds s = pace.s;
   FlatState state = trajectory_.at(s);
   if (s < 0) {
     // Not yet in force: where it begins, standing.
@@ -50,21 +52,25 @@ FlatState Maneuver::at(Time t) const {
     state.j_NB.setZero();
     if (sink <= -sink_m_) state.v_NB.setZero();
   }
+  // d/dt of p(s(t)).
+  const double rate = pace.rate, slope = pace.slope;
+  state.j_NB = rate * rate * rate * state.j_NB + 3 * rate * slope * state.a_NB;
+  state.a_NB = rate * rate * state.a_NB + slope * state.v_NB;
+  state.v_NB *= rate;
+  state.yaw_rate *= rate;
   return state;
 }
 
-bool Maneuver::done(Time t) const { return t >= end(); }
-
-Time Maneuver::end() const {
+Seconds Maneuver::past_end(Time t) const {
   switch (kind_) {
     case Kind::stay:
-      return 0;
+      return to_seconds(t);
     case Kind::move:
-      return move_.end();
+      return to_seconds(t - move_.end());
     case Kind::landing:
       break;
   }
-  return start_ + from_seconds(trajectory_.duration());
+  return pace_.at(t).s - trajectory_.duration();
 }
 
 }  // namespace alight

@@ -1,6 +1,7 @@
 #pragma once
 #include "alight/control/reference.h"
 #include "alight/geometry/trajectory.h"
+#include "alight/mission/pace.h"
 
 namespace alight {
 
@@ -16,10 +17,15 @@ class Maneuver {
   static Maneuver landing(const Trajectory& trajectory, Time start, double sink_m);
 
   FlatState at(Time t) const;
-  bool done(Time t) const;
-  bool is_landing() const { return kind_ == Kind::landing; }
-  /// When a landing's trajectory begins and ends, a move's ends; 0 for `stay`.
-  Time end() const;
+  /// Of a landing: from `now` on it goes over to this share, 0 to 1, of its speed.
+  void aim_pace(Time now, double rate) { pace_.aim(now, rate); }
+  /// How far a landing is behind its plan by having been slowed down, s.
+  Seconds lag(Time t) const { return to_seconds(t - start_) - pace_.at(t).s; }
+
+  bool done(Time t) const { return past_end(t) >= 0; }
+  /// Time since the end of a move or, by its own pace, of a landing; negative before.
+  /// `stay` ended at 0.
+  Seconds past_end(Time t) const;
 
  private:
   enum class Kind : std::uint8_t { stay, move, landing };
@@ -28,6 +34,7 @@ class Maneuver {
   PointToPoint move_;
   Trajectory trajectory_;
   Time start_ = 0;
+  Pace pace_;
   double sink_m_ = 0;
 };
 

@@ -12,6 +12,8 @@ constexpr Seconds kOrderEvery = 0.1;
 constexpr Seconds kFreshSight = 0.15;
 // m within touch_settled_s: a third of what a landing sinks in that time.
 constexpr double kStillSinking = 0.005;
+// Error of speed counts for as long as the rest of a landing takes from the commit on.
+constexpr Seconds kTouchAhead = 0.25;
 
 double angle_between(const Vector3& a, const Vector3& b) {
   return std::atan2(a.cross(b).norm(), a.dot(b));
@@ -284,7 +286,7 @@ void Mission::taken_off(const MissionInput& in, Command& c, Output& out) {
     }
     const bool there = (in.x.p_NB - maneuver_.at(in.now).p_NB).norm() < 0.12;
     if (maneuver_.done(in.now) &&
-        (there || to_seconds(in.now - maneuver_.end()) > 1.5)) {
+        (there || maneuver_.past_end(in.now) > 1.5)) {
       go(MissionState::follow, "clear of the pad: to the follow point", in, out);
     }
     return;
@@ -458,24 +460,33 @@ void Mission::land(const MissionInput& in, Command& c, Output& out) {
     return;
   }
   if (!committed_) {
+    // Where it would touch, off the middle of the pad.
+    const double miss = horizontal(error + kTouchAhead * (in.x.v_NB - ref.v_NB));
+    const double commit_height = gear_height_ + config_.commit_height_m;
+    if (config_.wait_error_m > 0 && ref.p_NB.z() < commit_height + config_.wait_room_m) {
+      // Gusts pass: better to wait above the pad than to touch beside its middle.
+      const double patience = maneuver_.lag(in.now) < config_.wait_max_s ? miss : 0;
+      maneuver_.aim_pace(in.now,
+                         std::clamp(2 - patience / config_.wait_error_m, 0.0, 1.0));
+    }
     if (in.wish == OperatorWish::hold) {
       go(MissionState::hold, "the operator holds", in, out);
     } else if (unseen > config_.sight_lost_s) {
       go(MissionState::lost_target, "the LEDs are out of sight", in, out);
     } else if (error.norm() > config_.go_around_error_m) {
       go(MissionState::go_around, "too far from the trajectory", in, out);
-    } else if (in.x.p_NB.z() < config_.commit_height_m &&
-               ref.p_NB.z() < config_.commit_height_m &&
+    } else if (in.x.p_NB.z() < commit_height && ref.p_NB.z() < commit_height &&
                horizontal(ref.p_NB) < 0.5 * config_.go_around_error_m) {
-      if (horizontal(error) > config_.commit_error_m) {
+      if (miss > config_.commit_error_m) {
         go(MissionState::go_around, "not over the pad at the commit height", in, out);
       } else {
         committed_ = true;
+        maneuver_.aim_pace(in.now, 1);
       }
     }
     return;
   }
-  if (to_seconds(in.now - maneuver_.end()) > config_.landing_overtime_s) {
+  if (maneuver_.past_end(in.now) > config_.landing_overtime_s) {
     go(MissionState::go_around, "no touch-down where the pad should be", in, out);
   }
 }

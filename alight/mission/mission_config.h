@@ -33,8 +33,13 @@ struct MissionConfig {
   int plan_tries = 8;    ///< Then back to follow.
   int attempts_max = 8;  ///< Landings begun; then the drone holds.
 
-  double commit_height_m = 0.22;  ///< Below, landing is the safe choice.
-  double commit_error_m = 0.10;   ///< Horizontal error at which commit is refused.
+  double commit_height_m = 0.08;  ///< Above gear height; below, landing is the safe
+                                  ///< choice. A climb takes 6 cm to begin.
+  double commit_error_m = 0.10;   ///< Expected miss at which commit is refused.
+  double wait_error_m = 0.03;  ///< Miss from which the descent slows; at twice that it
+                               ///< waits. 0: never.
+  double wait_room_m = 0.12;   ///< Above the commit height: there it may wait,
+  double wait_max_s = 3;       ///< in all.
   double go_around_error_m = 0.35;
   double sight_lost_s = 0.25;     ///< Without a tracked frame: lost target.
   double give_up_s = 2.0;         ///< Lost target this long: the autopilot lands.
