@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
+#include <iterator>
 #include <string>
 #include <vector>
 
@@ -28,6 +30,7 @@ class Flight {
   bool lifts = true;  ///< Rises when thrust is enough.
   bool planner_answers = true;
   bool plans_feasible = true;
+  std::uint32_t plan_age = 0;  ///< It answers this many questions ago.
   Time planner_delay = 2 * kStep;
   double battery = 1;
   AutopilotMode mode = AutopilotMode::offboard;
@@ -172,7 +175,7 @@ class Flight {
   /// A straight way from where it begins to the pad.
   PlanResult answer(const PlanRequest& request) const {
     PlanResult plan;
-    plan.id = request.id;
+    plan.id = request.id - plan_age;
     plan.start = request.start;
     if (!plans_feasible) {
       plan.reason = "no trajectory keeps the view";
@@ -564,9 +567,11 @@ TEST(Mission, ALinkThatReturnsAfterTheLandingTellsSo) {
   ASSERT_TRUE(bring(f, State::lost_link));
   f.mode = AutopilotMode::land;
   f.run(3);
+  const std::size_t transitions = f.transitions.size();
   f.link_up = true;
   f.run(1);
   EXPECT_EQ(f.state(), State::lost_link) << "the autopilot lands: nothing interferes";
+  EXPECT_EQ(f.transitions.size(), transitions);
   EXPECT_EQ(f.c.mode, MissionCommand::Mode::silent);
   f.motors_stop = true;
   ASSERT_TRUE(f.until(State::complete, 1));
@@ -647,6 +652,14 @@ TEST(Mission, APlannerThatIsLateOrSilentIsNamed) {
 }
 
 // The answer to a question that is no longer asked.
+TEST(Mission, AnAnswerToAnOlderQuestionIsNone) {
+  Flight f;
+  f.plan_age = 1;
+  ASSERT_TRUE(f.reach(State::rendezvous));
+  ASSERT_TRUE(f.until(State::follow, 20)) << to_string(f.state());
+  EXPECT_EQ(f.reason(), "the planner does not answer");
+}
+
 TEST(Mission, AnOldPlanIsNotFlown) {
   Flight f;
   f.planner_delay = from_seconds(0.08);
