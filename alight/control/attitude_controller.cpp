@@ -26,7 +26,6 @@ bool finite(const AttitudeInput& in) {
          in.state.p_NB.allFinite() && in.state.v_NB.allFinite() &&
          in.response.R_IB.allFinite() && in.response.w_IB_B.allFinite() &&
          std::isfinite(in.response.thrust_m_s2) &&
-         std::isfinite(in.response.thrust_rate_m_s3) &&
          std::isfinite(in.autopilot_heading) && in.d_N.allFinite() &&
          in.b_N.allFinite() && finite(in.reference) && std::isfinite(in.tilt_limit_rad);
 }
@@ -57,7 +56,6 @@ Result<void> AttitudeControllerConfig::validate() const {
   } bounds[] = {{"attitude.kp", kp, 0.1, 100},
                 {"attitude.kv", kv, 0.1, 50},
                 {"attitude.ka", ka, 0, 10},
-                {"attitude.kj", kj, 0, 2},
                 {"attitude.kp_z", kp_z, 0.1, 100},
                 {"attitude.kv_z", kv_z, 0.1, 50},
                 {"attitude.ka_z", ka_z, 0, 10},
@@ -145,7 +143,6 @@ AttitudeOutput AttitudeController::step(const AttitudeInput& in, Seconds dt) {
                                R_later.transpose() * wind_N + b_N_, config_.drag_per_s);
   const Vector3 f_rate = (f_later - f) / kStep;
   const Vector3 f_model = R_NA * in.response.f_I();
-  const Vector3 f_rate_model = R_NA * in.response.f_rate_I();
 
   out.p_error_N = r.p_NB - in.state.p_NB;
   out.v_error_N = r.v_NB - in.state.v_NB;
@@ -156,14 +153,12 @@ AttitudeOutput AttitudeController::step(const AttitudeInput& in, Seconds dt) {
   // motors. Both in A, whose z is the vertical.
   const Matrix3 R_AN = R_NA.transpose();
   const AttitudeControllerConfig& c = config_;
-  const Vector3 kp(c.kp, c.kp, c.kp_z), kv(c.kv, c.kv, c.kv_z), ka(c.ka, c.ka, c.ka_z),
-      kj(c.kj, c.kj, 0);
+  const Vector3 kp(c.kp, c.kp, c.kp_z), kv(c.kv, c.kv, c.kv_z), ka(c.ka, c.ka, c.ka_z);
   const double lag = 2 * response_.zeta / response_.omega_rad_s;
   const Vector3 lead(lag, lag, response_.motor_ms * 1e-3);
   const Vector3 u_A = R_AN * f + lead.cwiseProduct(R_AN * f_rate) +
                       kp.cwiseProduct(R_AN * e_p) + kv.cwiseProduct(R_AN * e_v) +
-                      ka.cwiseProduct(R_AN * (f - f_model)) +
-                      kj.cwiseProduct(R_AN * (f_rate - f_rate_model));
+                      ka.cwiseProduct(R_AN * (f - f_model));
   out.f_wish_N = R_NA * u_A;
 
   // Height before place: the vertical force is kept as far as the motors allow, the

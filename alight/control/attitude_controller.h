@@ -9,17 +9,15 @@
 namespace alight {
 
 /// Gains of the default controller. The feedback is on position, velocity and, because
-/// the attitude loop is as slow as the position loop, on the modelled specific force
-/// and its derivative. Chosen by control/loop_margins.h; docs/control.md has the
-/// numbers.
+/// the attitude loop is as slow as the position loop, on the modelled specific force.
+/// Chosen by control/loop_margins.h; docs/control.md has the numbers.
 struct AttitudeControllerConfig {
-  double kp = 12;     ///< 1/s^2, horizontal
-  double kv = 8;      ///< 1/s
-  double ka = 4.6;    ///< on the specific force
-  double kj = 0.002;  ///< s, on its derivative
-  double kp_z = 3.5;  ///< 1/s^2
-  double kv_z = 6;    ///< 1/s
-  double ka_z = 1.2;  ///< on the vertical specific force
+  double kp = 10.5;   ///< 1/s^2, horizontal
+  double kv = 7.2;    ///< 1/s
+  double ka = 4.2;    ///< on the specific force
+  double kp_z = 5.5;  ///< 1/s^2
+  double kv_z = 5.6;  ///< 1/s
+  double ka_z = 1.5;  ///< on the vertical specific force
 
   double disturbance_lag_s = 0.2;  ///< Low-pass on d_N before it is countered.
 
@@ -63,7 +61,7 @@ struct AttitudeOutput {
 /// (paper, sec:MP_control: the onboard attitude controller tracks this).
 ///
 ///   f   = a_ref_I + drag v_ref_I - d - g,    the force that keeps to the reference,
-///   u   = f + (2 zeta / omega) f' + kp e_p + kv e_v + ka (f - f_m) + kj (f' - f_m')
+///   u   = f + (2 zeta / omega) f' + kp e_p + kv e_v + ka (f - f_m)
 ///
 /// u over |u| is body z, its vertical part over the model's cos(tilt) the thrust. d is
 /// the estimator's disturbance, low-passed: the integral action.

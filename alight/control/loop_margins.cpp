@@ -98,7 +98,6 @@ Complex Loop::open_loop(double w, const LoopError& error) const {
   const bool vertical = model_.axis == LoopModel::Axis::vertical;
   const AttitudeControllerConfig& g = model_.gains;
   const double ka = vertical ? g.ka_z : g.ka;
-  const double kj = vertical ? 0 : g.kj;
   // The disturbance takes part twice: in the force wished, and in its difference from
   // the modelled one.
   const Complex kd = (1 + ka) / (1.0 + s * g.disturbance_lag_s);
@@ -118,8 +117,7 @@ Complex Loop::open_loop(double w, const LoopError& error) const {
   const ComplexMatrix forward =
       transition(horizon_).cast<Complex>() * std::exp(-s * horizon_);
   const Complex by_y = (k * (forward * from_y)).value();
-  const Complex by_a =
-      (k * (forward * from_a + gained(s, horizon_))).value() + ka + kj * s;
+  const Complex by_a = (k * (forward * from_a + gained(s, horizon_))).value() + ka;
   const Complex inner = by_a * lag(s, 1) * hold;
   const Complex plant = error.thrust_scale * lag(s, error.omega_scale) * hold *
                         std::exp(-s * error.extra_delay) / (s * s);

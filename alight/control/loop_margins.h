@@ -22,7 +22,7 @@ struct LoopModel {
   // The estimator: what it believes of its measurement and of the world.
   double position_sd_m = 0.005;     ///< Of one frame
   double acceleration_noise = 0.1;  ///< m/s^2 per sqrt(Hz)
-  double disturbance_noise = 2.0;   ///< m/s^3 per sqrt(Hz)
+  double disturbance_noise = 1.9;   ///< m/s^3 per sqrt(Hz), of wind and bias together
 };
 
 /// How the real drone differs from what the controller believes.

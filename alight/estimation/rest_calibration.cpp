@@ -16,7 +16,8 @@ constexpr int kSteps = 40;
 constexpr double kSmall = 1e-4;  // a step of so many sd moves nothing any more
 
 using Unknowns = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMost, 1>;
-using Information = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMost, kMost>;
+using Information =
+    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMost, kMost>;
 using Row2 = Eigen::Matrix<double, 2, Eigen::Dynamic, 0, 2, kMost>;
 
 struct Rest {

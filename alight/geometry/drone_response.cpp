@@ -52,11 +52,6 @@ Result<void> DroneResponseConfig::validate() const {
                        {"response.moment_fade_s", moment_fade_s, 0.01, 100}});
 }
 
-Vector3 DroneResponse::Sample::f_rate_I() const {
-  return R_IB *
-         (w_IB_B.cross(Vector3(0, 0, thrust_m_s2)) + Vector3(0, 0, thrust_rate_m_s3));
-}
-
 DroneResponse::DroneResponse(const DroneResponseConfig& config)
     : config_(config),
       delay_(from_ms(config.delay_ms)),
@@ -190,7 +185,6 @@ void DroneResponse::step(State& x, Time t, Time until) const {
     x.moment_B *= std::exp(-dt / config_.moment_fade_s);
     const double tau = config_.motor_ms * 1e-3;
     s.thrust_m_s2 = T_sp + (s.thrust_m_s2 - T_sp) * std::exp(-dt / tau);
-    s.thrust_rate_m_s3 = (T_sp - s.thrust_m_s2) / tau;
     s.v_IB += dt * (0.5 * (f_before + s.f_I()) - Vector3(0, 0, kGravity));
     t = next;
   }
@@ -234,7 +228,6 @@ DroneResponse::Sample DroneResponse::at(Time t) const {
   s.R_IB = a.R_IB * so3_exp(u * so3_log(a.R_IB.transpose() * b.R_IB));
   s.w_IB_B = (1 - u) * a.w_IB_B + u * b.w_IB_B;
   s.thrust_m_s2 = (1 - u) * a.thrust_m_s2 + u * b.thrust_m_s2;
-  s.thrust_rate_m_s3 = (1 - u) * a.thrust_rate_m_s3 + u * b.thrust_rate_m_s3;
   s.v_IB = (1 - u) * a.v_IB + u * b.v_IB;
   return s;
 }

@@ -51,12 +51,10 @@ class DroneResponse {
     Matrix3 R_IB = Matrix3::Identity();
     Vector3 w_IB_B = Vector3::Zero();  ///< rad/s
     double thrust_m_s2 = kGravity;     ///< Specific thrust along body z
-    double thrust_rate_m_s3 = 0;       ///< Its derivative
     Vector3 v_IB = Vector3::Zero();    ///< Only kept true by correct_velocity.
 
-    /// Specific force R e_z T, m/s^2, and its derivative in I.
+    /// Specific force R e_z T, m/s^2.
     Vector3 f_I() const { return R_IB.col(2) * thrust_m_s2; }
-    Vector3 f_rate_I() const;
   };
 
   static constexpr Time kGrid = 5'000'000;  ///< ns

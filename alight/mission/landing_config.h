@@ -25,8 +25,8 @@ struct LandingConfig {
   AttitudeControllerConfig attitude;
   PidControllerConfig pid;
 
-  double event_age_max_s = 0.5;      ///< Older events are counted and refused.
-  double heading_smoothing = 0.05;   ///< Share of the newest heading difference.
+  double event_age_max_s = 0.5;     ///< Older events are counted and refused.
+  double heading_smoothing = 0.05;  ///< Share of the newest heading difference.
   // The odometry's share in the pose the autopilot is sent.
   double odometry_position_sd_m = 0.02;
   double odometry_rotation_sd_deg = 1;

@@ -10,7 +10,7 @@ namespace alight {
 namespace {
 
 constexpr Seconds kHeadingSight = 0.1;  // unseen for longer, nothing is learnt
-constexpr Time kFuture = 5'000'000;  // ns; clocks agree no better than this
+constexpr Time kFuture = 5'000'000;     // ns; clocks agree no better than this
 
 bool finite(const PlatformOdometry& o) {
   return o.X_IN.matrix().allFinite() && o.v_IN_N.allFinite() && o.w_IN_N.allFinite();
@@ -142,8 +142,8 @@ void LandingSystem::Parts::take(const Event& event, Time now, Output& out,
     good = timely(imu->captured) && platform.add(*imu);
   } else if (const auto* t = std::get_if<AutopilotTelemetry>(&event)) {
     good = timely(t->captured) && t->q_IB.coeffs().allFinite() &&
-           t->w_IB_B.allFinite() &&
-           std::abs(t->q_IB.norm() - 1) < 1e-3 && std::isfinite(t->battery) &&
+           t->w_IB_B.allFinite() && std::abs(t->q_IB.norm() - 1) < 1e-3 &&
+           std::isfinite(t->battery) &&
            (!telemetry_heard || t->captured > telemetry.captured);
     if (good) {
       telemetry_heard = true;

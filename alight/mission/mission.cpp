@@ -122,7 +122,7 @@ bool Mission::settled(const MissionInput& in) {
 
 bool Mission::overruled(const MissionInput& in, Output& out) {
   const MissionState state = status_.state;
-  if (in.wish == OperatorWish::abort) {
+  if (abort_wanted_) {
     go(MissionState::aborted, "the operator aborted: the autopilot lands", in, out);
     return true;
   }
@@ -147,8 +147,8 @@ bool Mission::overruled(const MissionInput& in, Output& out) {
     go(MissionState::aborted, "the autopilot stopped its motors", in, out);
     return true;
   }
-  if (in.wish == OperatorWish::hold && state != MissionState::hold &&
-      state != MissionState::land) {
+  if (hold_wanted_ && state != MissionState::hold && state != MissionState::land &&
+      state != MissionState::lost_target) {
     go(MissionState::hold, "the operator holds", in, out);
     return true;
   }
@@ -159,9 +159,13 @@ MissionCommand Mission::step(const MissionInput& in, Output& out) {
   assert(in.link != nullptr);
   MissionCommand c;
   c.tilt_limit = in.link->tilt_limit(in.now, tilt_max_);
+  // What the operator said stands until he says otherwise, whatever comes between.
   if (in.wish == OperatorWish::go) {
     wanted_ = true;
+    hold_wanted_ = false;
   }
+  hold_wanted_ = hold_wanted_ || in.wish == OperatorWish::hold;
+  abort_wanted_ = abort_wanted_ || in.wish == OperatorWish::abort;
   switch (status_.state) {
     case MissionState::idle:
       idle(in, out);
@@ -226,7 +230,7 @@ void Mission::idle(const MissionInput& in, Output& out) {
     p_rest_ = in.x_seen.p_NB;
     R_rest_ = in.x_seen.R_NB;
   }
-  if (in.wish == OperatorWish::abort) {
+  if (abort_wanted_) {
     go(MissionState::refused, "the operator aborted before the start", in, out);
     return;
   }
@@ -260,7 +264,7 @@ void Mission::armed(const MissionInput& in, Command& c, Output& out) {
     R_rest_ = in.x_seen.R_NB;
   }
   c.mode = Command::Mode::idle;
-  if (in.wish == OperatorWish::abort) {
+  if (abort_wanted_) {
     c.order = AutopilotOrder::disarm;
     go(MissionState::refused, "the operator aborted before the start", in, out);
   } else if (in.armed && in.link->healthy(in.now)) {
@@ -285,8 +289,7 @@ void Mission::taken_off(const MissionInput& in, Command& c, Output& out) {
       return;
     }
     const bool there = (in.x.p_NB - maneuver_.at(in.now).p_NB).norm() < 0.12;
-    if (maneuver_.done(in.now) &&
-        (there || maneuver_.past_end(in.now) > 1.5)) {
+    if (maneuver_.done(in.now) && (there || maneuver_.past_end(in.now) > 1.5)) {
       go(MissionState::follow, "clear of the pad: to the follow point", in, out);
     }
     return;
@@ -298,20 +301,22 @@ void Mission::taken_off(const MissionInput& in, Command& c, Output& out) {
   c.ramp_share = std::min(config_.ramp_from + rate * in_state(in), config_.ramp_to);
   const Seconds limit =
       config_.start_on_floor ? config_.blind_max_s : config_.ramp_timeout_s;
-  if (in.wish == OperatorWish::abort || in.link->lost(in.now) || !in.armed ||
-      in_state(in) > limit) {
+  if (abort_wanted_ || in.link->lost(in.now) || !in.armed || in_state(in) > limit) {
     // From the floor it may fly unseen: only the autopilot can bring it down.
     c.order = config_.start_on_floor ? AutopilotOrder::land : AutopilotOrder::disarm;
     c.mode = Command::Mode::silent;
     airborne_ = config_.start_on_floor;
-    go(config_.start_on_floor ? MissionState::aborted : MissionState::refused,
-       config_.start_on_floor ? "never came into sight: the autopilot lands"
-                              : "did not leave the ground",
+    const char* reason = config_.start_on_floor
+                             ? "never came into sight: the autopilot lands"
+                             : "did not leave the ground";
+    if (abort_wanted_) reason = "the operator aborted during take-off";
+    go(config_.start_on_floor ? MissionState::aborted : MissionState::refused, reason,
        in, out);
     return;
   }
   const Vector3 way = in.x_seen.p_NB - p_rest_;
-  const double tipped = angle_between(Vector3(in.x_seen.R_NB.col(2)), Vector3(R_rest_.col(2)));
+  const double tipped =
+      angle_between(Vector3(in.x_seen.R_NB.col(2)), Vector3(R_rest_.col(2)));
   // Tipping over a foot lifts the middle, too.
   const bool rose = way.z() - arm_ * std::sin(tipped) > config_.lift_m;
   // Light on its feet it slides and tips before it flies; thrust must go on growing, or
@@ -415,7 +420,12 @@ void Mission::rendezvous(const MissionInput& in, Output& out) {
 }
 
 bool Mission::may_touch(const MissionInput& in) const {
-  return committed_ && in.x_seen.p_NB.z() < gear_height_ + config_.touch_height_m &&
+  if (!committed_) return false;
+  // Past the commit height there is no way back: unseen, it trusts the prediction.
+  if (to_seconds(in.now - in.seen) > config_.sight_lost_s) {
+    return maneuver_.past_end(in.now) > config_.blind_sink_s;
+  }
+  return in.x_seen.p_NB.z() < gear_height_ + config_.touch_height_m &&
          maneuver_.at(in.now).p_NB.z() <= gear_height_;
 }
 
@@ -426,6 +436,9 @@ bool Mission::touched_down(const MissionInput& in) {
     settling_down_ = true;
     settle_since_ = in.now;
     low_ = false;
+  }
+  if (to_seconds(in.now - in.seen) > config_.sight_lost_s) {
+    return to_seconds(in.now - settle_since_) >= config_.settle_down_s;
   }
   // Still sinking, if slowly: not yet.
   if (!low_ || z < low_z_ - kStillSinking) {
@@ -463,13 +476,14 @@ void Mission::land(const MissionInput& in, Command& c, Output& out) {
     // Where it would touch, off the middle of the pad.
     const double miss = horizontal(error + kTouchAhead * (in.x.v_NB - ref.v_NB));
     const double commit_height = gear_height_ + config_.commit_height_m;
-    if (config_.wait_error_m > 0 && ref.p_NB.z() < commit_height + config_.wait_room_m) {
+    if (config_.wait_error_m > 0 &&
+        ref.p_NB.z() < commit_height + config_.wait_room_m) {
       // Gusts pass: better to wait above the pad than to touch beside its middle.
       const double patience = maneuver_.lag(in.now) < config_.wait_max_s ? miss : 0;
       maneuver_.aim_pace(in.now,
                          std::clamp(2 - patience / config_.wait_error_m, 0.0, 1.0));
     }
-    if (in.wish == OperatorWish::hold) {
+    if (hold_wanted_) {
       go(MissionState::hold, "the operator holds", in, out);
     } else if (unseen > config_.sight_lost_s) {
       go(MissionState::lost_target, "the LEDs are out of sight", in, out);
@@ -522,9 +536,14 @@ void Mission::lost_link(const MissionInput& in, Command& c, Output& out) {
     if (in.telemetry_heard && !in.armed) {
       airborne_ = false;
       go(MissionState::complete, "the autopilot landed by itself", in, out);
-    } else if (!autopilot_acts && in.estimate_valid &&
-               to_seconds(in.now - in.seen) < kFreshSight) {
-      go(MissionState::go_around, "the link is back", in, out);
+    } else if (abort_wanted_) {
+      go(MissionState::aborted, "the operator aborted: the autopilot lands", in, out);
+    } else if (!autopilot_acts) {
+      const bool fresh =
+          in.estimate_valid && to_seconds(in.now - in.seen) < kFreshSight;
+      go(fresh ? MissionState::go_around : MissionState::lost_target,
+         fresh ? "the link is back" : "the link is back, the LEDs are out of sight", in,
+         out);
       c.mode = Command::Mode::track;
     }
   }

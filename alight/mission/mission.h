@@ -92,7 +92,8 @@ class Mission {
   double tilt_max_;
   MissionStatus status_;
   Maneuver maneuver_;
-  bool wanted_ = false;  // the operator said go
+  // The operator said go, hold (and not go since), abort.
+  bool wanted_ = false, hold_wanted_ = false, abort_wanted_ = false;
   bool airborne_ = false;
   Matrix3 R_rest_ = Matrix3::Identity();
   Vector3 p_rest_ = Vector3::Zero();  // where it stood before take-off

@@ -12,7 +12,8 @@ Pace::Reading Pace::at(Time t) const {
   const Seconds changing = std::abs(change) / kSlew;
   const double slope = std::copysign(kSlew, change);
   if (passed < changing && passed > 0) {
-    return {s_ + passed * (rate_ + 0.5 * slope * passed), rate_ + slope * passed, slope};
+    return {s_ + passed * (rate_ + 0.5 * slope * passed), rate_ + slope * passed,
+            slope};
   }
   if (passed <= 0) return {s_ + passed * rate_, rate_, 0};
   const Seconds reached = changing * (rate_ + 0.5 * slope * changing);

@@ -3,8 +3,8 @@
 
 namespace alight {
 
-/// The clock by which a trajectory is flown. It can be slowed down to standing still and
-/// let go on again; its rate changes evenly, so that place and speed never jump. A
+/// The clock by which a trajectory is flown. It can be slowed down to standing still
+/// and let go on again; its rate changes evenly, so that place and speed never jump. A
 /// trajectory flown more slowly keeps every limit it was planned for.
 class Pace {
  public:

@@ -113,7 +113,7 @@ bool RelativeEstimator::fuse(const CameraFrame& frame, const MotionSource& motio
 
   if (filter_.initialized()) {
     if (follow(frame, out, probe)) {
-      misses_ = 0;
+      misses_ = confirmations_ = 0;
     } else if (++misses_ >= config_.misses_before_search) {
       search(frame, out, probe);
     }
@@ -202,6 +202,7 @@ void RelativeEstimator::search(const CameraFrame& frame, FrameReport& out,
     }
   }
   if (!found) {
+    confirmations_ = 0;
     out.why_not = found.error().fault == Fault::ambiguous
                       ? "two poses explain the picture"
                       : "no pose explains the picture";

@@ -14,9 +14,9 @@ struct RelativeEstimatorConfig {
   LedTrackerConfig tracker;
   RelativeFilterConfig filter;
   RestCalibrationConfig rest;
-  bool calibrate_at_rest = true;  ///< Before take-off from the pad.
-  int rest_pictures = 20;         ///< That many of each LED at least.
-  double rest_led_sd_m = 0.0008;  ///< How well LEDs are known then.
+  bool calibrate_at_rest = true;   ///< Before take-off from the pad.
+  int rest_pictures = 20;          ///< That many of each LED at least.
+  double rest_led_sd_m = 0.0008;   ///< How well LEDs are known then.
   double prediction_step_ms = 5;   ///< Inputs are held this long.
   int misses_before_search = 3;    ///< Frames without a match before the whole picture
                                    ///< is searched,
@@ -26,10 +26,10 @@ struct RelativeEstimatorConfig {
   double search_gate_m = 0.5;      ///< A search's answer this near to the prediction
                                    ///< keeps the predicted velocity.
   // An answer that contradicts the prediction may be made of lamps.
-  double search_drift_m_s = 1;     ///< A prediction may be off by the gate plus this,
-  double search_turn_deg = 35;     ///< and turned by this;
-  int search_leds = 5;             ///< else an answer needs that many LEDs,
-  int search_confirmations = 3;    ///< in so many pictures in a row.
+  double search_drift_m_s = 1;   ///< A prediction may be off by the gate plus this,
+  double search_turn_deg = 35;   ///< and turned by this;
+  int search_leds = 5;           ///< else an answer needs that many LEDs,
+  int search_confirmations = 3;  ///< in so many pictures in a row.
 
   Result<void> validate() const;
   static RelativeEstimatorConfig paper();

@@ -211,8 +211,8 @@ Result<BlobSpan> BlobDetector::detect(const ImageView& image, const DepthView& d
   for (const int i : order_) {
     Blob blob = finish(parts_[static_cast<std::size_t>(i)], image, depth);
     const Roi& box = blob.box;
-    blob.cut = box.u0 <= cut.u0 || box.v0 <= cut.v0 || box.u1 >= cut.u1 ||
-               box.v1 >= cut.v1;
+    blob.cut =
+        box.u0 <= cut.u0 || box.v0 <= cut.v0 || box.u1 >= cut.u1 || box.v1 >= cut.v1;
     blobs_.push_back(blob);
   }
   return BlobSpan(blobs_);

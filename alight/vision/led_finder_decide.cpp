@@ -51,7 +51,8 @@ void LedFinder::Search::find_twins(BlobSpan blobs) {
     if (!mirror.shows(image.uv)) continue;
     for (const int j : usable) {
       const Blob& light = blobs[static_cast<std::size_t>(j)];
-      if (light.color == image.color && light.brightness > kBrighter * image.brightness &&
+      if (light.color == image.color &&
+          light.brightness > kBrighter * image.brightness &&
           mirror.may_mirror(light.uv, image.uv) && twins.size() < kTwins) {
         twins.emplace_back(i, j);
       }

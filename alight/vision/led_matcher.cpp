@@ -108,7 +108,8 @@ Assignment match_leds(const LedImages& images, const Constellation& leds,
       const double apart = (images.uv[m] - images.uv[n]).norm();
       if (apart >= nearest) continue;
       const Blob& blob = blobs[static_cast<std::size_t>(single.blob[m])];
-      if (rule.use_color && !colors_agree(blob.color, leds.color(i), rule.white_is_any)) continue;
+      if (rule.use_color && !colors_agree(blob.color, leds.color(i), rule.white_is_any))
+        continue;
       if (!shows_both(blob, images.uv[m], images.uv[n])) continue;
       nearest = apart;
       out.blob[n] = single.blob[m];

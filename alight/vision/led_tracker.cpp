@@ -283,7 +283,8 @@ LedFrame LedTracker::track(BlobSpan blobs, const Pose& X_NB_predicted,
   Assignment dropped;
   for (int pass = 0; pass < 3 && match.blobs > 0; ++pass) {
     auto seen = observations(match, shifted, blobs, config_.merged_imbalance);
-    for (LedObservation& o : seen) o.cov += (0.25 + led_px * led_px) * Matrix2::Identity();
+    for (LedObservation& o : seen)
+      o.cov += (0.25 + led_px * led_px) * Matrix2::Identity();
     const auto fit = refine_pose(camera_, leds_, {seen.data(), seen.size()},
                                  X_NB_predicted, &prior, 6);
     if (!fit) break;

@@ -6,8 +6,8 @@
 namespace alight {
 namespace {
 
-constexpr double kHighest = 0.5;      // m, of a light above the pad
-const double kTurn = 2 * kDegree;     // by which the mount may be off
+constexpr double kHighest = 0.5;          // m, of a light above the pad
+const double kTurn = 2 * kDegree;         // by which the mount may be off
 constexpr double kTolerance_px = 2;       // two centroids, one of them dim
 constexpr double kToleranceShare = 0.08;  // of the way between: mount and pad not level
 

@@ -3,8 +3,8 @@
 
 namespace alight {
 
-/// The pad's surface as a level mirror, z = 0 of N: over a glossy pad an LED has a twin,
-/// as far below as the LED is above, dimmer, and of its colour.
+/// The pad's surface as a level mirror, z = 0 of N: over a glossy pad an LED has a
+/// twin, as far below as the LED is above, dimmer, and of its colour.
 class PadMirror {
  public:
   /// @param pad_size_m  Side of the pad; 0: nothing mirrors.

@@ -62,7 +62,7 @@ TEST(Loop, SeesThroughBadGains) {
   LoopModel m = model(LoopModel::Axis::horizontal, 0.005);
   m.gains.kp = 6;
   m.gains.kv = 4;
-  m.gains.ka = m.gains.kj = 0;
+  m.gains.ka = 0;
   m.gains.disturbance_lag_s = 0.01;
   EXPECT_LT(Loop(m).margins().phase_deg, 25);
 }
@@ -80,9 +80,10 @@ TEST(Loop, CountsStabilityAsTheSimulationShowsIt) {
   loop.drag_per_s = loop.model.gains.drag_per_s = 0;
   loop.disturbance_I = Vector3(0.2, 0, 0);
   loop.error.extra_delay = 0.9e-3 * margins.delay_ms;
-  EXPECT_LT(loop.run(40, 30).last_rms_m, 0.02);
+  EXPECT_LT(loop.run(80, 70).last_rms_m, 0.01);
   loop.error.extra_delay = 1.1e-3 * margins.delay_ms;
-  EXPECT_GT(loop.run(40, 30).last_rms_m, 0.05);
+  // It swings, as far as the attitude loop's limits let it.
+  EXPECT_GT(loop.run(80, 70).last_rms_m, 0.025);
 }
 
 TEST(Loop, PredictsTheStepOfDisturbance) {

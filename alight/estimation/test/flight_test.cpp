@@ -144,7 +144,7 @@ LearntError learn(const RelativeFilterConfig& config, const Vector3& constant_N,
 }
 
 TEST(DisturbanceOnTheCircle, WindInIAndBiasInNTogether) {
-  EXPECT_LT(learn({}, {0.4, 0.3, -0.5}, {0.5, 0, 0}).rms_per_axis, 0.08);
+  EXPECT_LT(learn({}, {0.4, 0.3, -0.5}, {0.5, 0, 0}).rms_per_axis, 0.12);
 }
 
 // With the whole taken as wind, the estimate turns on and lags; with both, it does not.

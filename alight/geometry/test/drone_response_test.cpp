@@ -59,19 +59,6 @@ TEST(DroneResponse, ThrustLags) {
   }
 }
 
-TEST(DroneResponse, SpecificForceAndItsRateAgree) {
-  DroneResponse drone;
-  drone.reset(0, from_rpy(0.1, -0.2, 0.5));
-  drone.sent(attitude(from_rpy(-0.3, 0.2, 0.4), 0.55), 0);
-  drone.advance(400 * kMs);
-  for (Time t = 60 * kMs; t < 380 * kMs; t += 10 * kMs) {
-    const Vector3 difference =
-        (drone.at(t + 5 * kMs).f_I() - drone.at(t - 5 * kMs).f_I()) / 0.01;
-    EXPECT_LT((difference - drone.at(t).f_rate_I()).norm(),
-              0.02 * (1 + difference.norm()));
-  }
-}
-
 TEST(DroneResponse, DoesNotDependOnHowOftenItIsAsked) {
   // The same set-points, told early or late, advanced in many steps or in few.
   Rng rng(4);

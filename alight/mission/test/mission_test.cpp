@@ -553,13 +553,100 @@ TEST(Mission, ALinkThatReturnsGoesAround) {
   ASSERT_TRUE(bring(f, State::lost_link));
   f.sight = false;
   f.run(0.5);
-  f.link_up = true;
-  f.run(1);
-  EXPECT_EQ(f.state(), State::lost_link) << "first it must be seen";
   f.sight = true;
+  f.link_up = true;
   f.step();
   expect_last(f, State::lost_link, State::go_around, "the link is back");
   EXPECT_TRUE(f.until(State::complete));
+}
+
+TEST(Mission, ALinkThatReturnsToABlindDroneGivesUpInTime) {
+  Flight f;
+  ASSERT_TRUE(bring(f, State::lost_link));
+  f.sight = false;
+  f.run(0.5);
+  f.link_up = true;
+  f.step();
+  expect_last(f, State::lost_link, State::lost_target,
+              "the link is back, the LEDs are out of sight");
+  EXPECT_TRUE(f.until(State::aborted, 5));
+  f.run(1);
+  EXPECT_GT(f.orders_land, 0);
+}
+
+TEST(Mission, WhatTheOperatorSaidStandsWhateverComesBetween) {
+  for (const bool link : {false, true}) {
+    Flight f;
+    ASSERT_TRUE(f.reach(State::rendezvous));
+    f.wish = OperatorWish::hold;
+    f.step();
+    ASSERT_EQ(f.state(), State::hold);
+    (link ? f.link_up : f.sight) = false;
+    f.run(link ? 1.5 : 0.5);
+    EXPECT_EQ(f.state(), link ? State::lost_link : State::lost_target);
+    (link ? f.link_up : f.sight) = true;
+    f.run(20);
+    EXPECT_EQ(f.state(), State::hold) << link;
+    f.wish = OperatorWish::go;
+    EXPECT_TRUE(f.until(State::complete, 60));
+  }
+  Flight early;
+  ASSERT_TRUE(early.reach(State::taken_off));
+  early.wish = OperatorWish::hold;
+  early.run(20);
+  EXPECT_EQ(early.state(), State::hold);
+
+  Flight abort;
+  ASSERT_TRUE(bring(abort, State::lost_link));
+  abort.mode = AutopilotMode::failsafe;
+  abort.link_up = true;
+  abort.step();
+  abort.wish = OperatorWish::abort;
+  abort.step();
+  abort.mode = AutopilotMode::offboard;
+  abort.run(5);
+  EXPECT_EQ(abort.state(), State::aborted);
+  EXPECT_GT(abort.orders_land, 0);
+}
+
+TEST(Mission, WaitsAboveThePadForAGustToPass) {
+  const MissionConfig config;
+  const double commit = alan_rig().drone.gear_height_m + config.commit_height_m;
+  Flight f(config);
+  ASSERT_TRUE(f.reach(State::land));
+  ASSERT_TRUE(f.until_below(commit + config.wait_room_m));
+  f.off = Vector3(2.5 * config.wait_error_m, 0, 0);
+  f.run(config.wait_max_s - 0.5);
+  EXPECT_EQ(f.state(), State::land);
+  EXPECT_GT(f.x().p_NB.z(), commit);
+  f.off.setZero();
+  EXPECT_TRUE(f.until(State::complete, 3));
+
+  // A miss that stays: no longer than it was told to.
+  Flight stays(config);
+  ASSERT_TRUE(stays.reach(State::land));
+  ASSERT_TRUE(stays.until_below(commit + config.wait_room_m));
+  stays.off = Vector3(2.5 * config.wait_error_m, 0, 0);
+  EXPECT_TRUE(stays.until(State::complete, config.wait_max_s + 3));
+}
+
+TEST(Mission, CommittedAndUnseenItSettlesByThePrediction) {
+  Flight f;
+  ASSERT_TRUE(f.reach(State::land));
+  ASSERT_TRUE(f.until_below(f.rig().drone.gear_height_m + 0.05));
+  f.sight = false;
+  double share = 2;
+  bool settled = false;
+  while (f.state() == State::land && f.now() < 60'000'000'000) {
+    f.step();
+    if (f.c.mode != MissionCommand::Mode::settle) continue;
+    settled = true;
+    EXPECT_LE(f.c.ramp_share, share);
+    share = f.c.ramp_share;
+  }
+  EXPECT_TRUE(settled);
+  expect_last(f, State::land, State::shut_down, "stands on the pad");
+  EXPECT_LT(share, 0.1);
 }
 
 TEST(Mission, ALinkThatReturnsAfterTheLandingTellsSo) {
