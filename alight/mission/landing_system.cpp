@@ -10,7 +10,11 @@ namespace alight {
 namespace {
 
 constexpr Seconds kHeadingSight = 0.1;  // unseen for longer, nothing is learnt
-constexpr Time kFuture = 5'000'000;     // ns; clocks agree no better than this
+// The autopilot's heading jumps when it takes up the poses it is sent: seen so often in
+// a row, a difference so large is no noise.
+constexpr double kHeadingJump = 15 * kDegree;
+constexpr int kHeadingJumpSeen = 3;
+constexpr Time kFuture = 5'000'000;  // ns; clocks agree no better than this
 
 bool finite(const PlatformOdometry& o) {
   return o.X_IN.matrix().allFinite() && o.v_IN_N.allFinite() && o.w_IN_N.allFinite();
@@ -58,11 +62,13 @@ struct LandingSystem::Parts {
   bool telemetry_heard = false;
   AutopilotTelemetry telemetry;
   bool heading_known = false;
+  int heading_off = 0;  // telemetry in a row that contradicts it
   RelativeState x_seen;
   Eigen::Quaterniond tilt_at_rest = Eigen::Quaterniond::Identity();
-  bool calibrated = false;  // or tried to
-  bool rest_known = false;  // tilt_at_rest: what telemetry says of it before take-off
-  Setpoint last_track;      // what `track` sent last,
+  bool calibrated = false;        // or tried to
+  double heading_at_rest = 0;     // rad, in the autopilot's frame, as tilt_at_rest what
+  bool rest_known = false;        // telemetry says of it before take-off
+  Setpoint last_track;            // what `track` sent last,
   double last_track_heading = 0;  // and the platform's heading then
 
   // Of the step under way.
@@ -105,9 +111,11 @@ void LandingSystem::Parts::learn_heading(const AutopilotTelemetry& t) {
                       yaw_of(estimator.filter().state().R_NB);
   const double theirs = yaw_of(t.q_IB.toRotationMatrix());
   const double difference = wrap_angle(theirs - ours - motion.autopilot_heading);
+  heading_off = std::abs(difference) > kHeadingJump ? heading_off + 1 : 0;
+  const bool jumped = !heading_known || heading_off >= kHeadingJumpSeen;
   motion.autopilot_heading =
       wrap_angle(motion.autopilot_heading +
-                 (heading_known ? config.heading_smoothing * difference : difference));
+                 (jumped ? difference : config.heading_smoothing * difference));
   heading_known = true;
 }
 
@@ -116,6 +124,7 @@ void LandingSystem::Parts::learn_rest(const AutopilotTelemetry& t) {
   const double yaw = yaw_of(t.q_IB.toRotationMatrix());
   const Eigen::Quaterniond tilt(Eigen::AngleAxisd(-yaw, Vector3::UnitZ()) * t.q_IB);
   tilt_at_rest = rest_known ? tilt_at_rest.slerp(0.2, tilt) : tilt;
+  heading_at_rest = yaw;
   rest_known = true;
 }
 
@@ -206,8 +215,12 @@ Setpoint LandingSystem::Parts::resting_setpoint(const PlatformState& at,
   // the platform: any other would wind up its rate loop against the ground and kick the
   // drone over when the feet come free.
   // Its heading is held to the platform's: light on its feet it would stay behind.
+  // On the floor, which does not turn, it keeps the heading it was armed with.
+  const bool on_floor = config.mission.start_on_floor &&
+                        mission.status().state <= MissionState::taken_off;
   const double standing =
-      yaw_of(R_IN) + mission.heading_at_rest() + motion.autopilot_heading;
+      on_floor ? heading_at_rest
+               : yaw_of(R_IN) + mission.heading_at_rest() + motion.autopilot_heading;
   setpoint.kind = Setpoint::Kind::attitude;
   setpoint.q_IB =
       (Eigen::AngleAxisd(standing, Vector3::UnitZ()) * tilt_at_rest).normalized();
@@ -324,6 +337,7 @@ void LandingSystem::step(const Input& input, Output& out, Probe* probe) {
   }
   p.motion.on_ground = command.on_ground;
   if (!command.on_ground) p.estimator.expect_nothing();
+  p.estimator.set_on_floor(p.config.mission.start_on_floor && command.on_ground);
   if (p.mission.status().state == MissionState::armed && !p.calibrated) {
     p.calibrated = true;
     if (const auto fit = p.estimator.calibrate_at_rest()) {

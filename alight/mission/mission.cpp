@@ -12,6 +12,9 @@ constexpr Seconds kOrderEvery = 0.1;
 constexpr Seconds kFreshSight = 0.15;
 // m within touch_settled_s: a third of what a landing sinks in that time.
 constexpr double kStillSinking = 0.005;
+// m above gear height, an LED rig's error; m/s.
+constexpr double kTouchHighest = 0.1;
+constexpr double kStanding = 0.05;
 // Error of speed counts for as long as the rest of a landing takes from the commit on.
 constexpr Seconds kTouchAhead = 0.25;
 
@@ -298,7 +301,8 @@ void Mission::taken_off(const MissionInput& in, Command& c, Output& out) {
   c.mode = Command::Mode::ramp;
   const double rate =
       config_.start_on_floor ? config_.blind_ramp_rate : config_.ramp_rate;
-  c.ramp_share = std::min(config_.ramp_from + rate * in_state(in), config_.ramp_to);
+  const double most = config_.start_on_floor ? config_.blind_ramp_to : config_.ramp_to;
+  c.ramp_share = std::min(config_.ramp_from + rate * in_state(in), most);
   const Seconds limit =
       config_.start_on_floor ? config_.blind_max_s : config_.ramp_timeout_s;
   if (abort_wanted_ || in.link->lost(in.now) || !in.armed || in_state(in) > limit) {
@@ -425,8 +429,13 @@ bool Mission::may_touch(const MissionInput& in) const {
   if (to_seconds(in.now - in.seen) > config_.sight_lost_s) {
     return maneuver_.past_end(in.now) > config_.blind_sink_s;
   }
-  return in.x_seen.p_NB.z() < gear_height_ + config_.touch_height_m &&
-         maneuver_.at(in.now).p_NB.z() <= gear_height_;
+  const double above = in.x_seen.p_NB.z() - gear_height_;
+  if (maneuver_.at(in.now).p_NB.z() > gear_height_) return false;
+  if (above < config_.touch_height_m) return true;
+  // Pushed down for a while it does not sink: something carries it, and the rig is not
+  // quite what the file says.
+  return maneuver_.past_end(in.now) > config_.blind_sink_s && above < kTouchHighest &&
+         std::abs(in.x.v_NB.z()) < kStanding;
 }
 
 bool Mission::touched_down(const MissionInput& in) {

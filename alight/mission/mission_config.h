@@ -59,11 +59,12 @@ struct MissionConfig {
   double ramp_to = 1.6;    ///< and its end.
   double ramp_timeout_s = 4;
   double lift_m = 0.012;          ///< Rise by which the drone has left the ground.
-  double slip_m = 0.06;           ///< Or so far to the side,
-  double slip_tilt_deg = 15;      ///< or tilted: feedback can wait no longer.
+  double slip_m = 0.03;           ///< Or so far to the side,
+  double slip_tilt_deg = 8;       ///< or tilted: feedback can wait no longer.
   double failsafe_s = 1;          ///< The autopilot's failsafe is given this to end.
-  double blind_max_s = 4;         ///< From the floor: sight must come by then.
+  double blind_max_s = 3.2;       ///< From the floor: sight must come by then.
   double blind_ramp_rate = 0.25;  ///< As ramp_rate, from the floor: sight comes late.
+  double blind_ramp_to = 1.35;    ///< As ramp_to: heavier it cannot be.
   double battery_min = 0.15;      ///< Share; below, a start is refused.
 
   Result<void> validate() const;

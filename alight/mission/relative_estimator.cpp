@@ -212,6 +212,10 @@ void RelativeEstimator::search(const CameraFrame& frame, FrameReport& out,
     out.why_not = "a pose that contradicts the prediction";
     return;
   }
+  if (!filter_.initialized() && on_floor_ && !believable_on_floor(*found)) {
+    out.why_not = "not yet sure that it is the drone on the floor";
+    return;
+  }
   RelativeState x;
   x.p_NB = found->fit.X_NB.translation();
   x.R_NB = found->fit.X_NB.linear();
@@ -236,22 +240,38 @@ void RelativeEstimator::search(const CameraFrame& frame, FrameReport& out,
   out.why_not = "";
 }
 
+namespace {
+
+bool near(const Pose& a, const Pose& b, double distance, double turn) {
+  return (a.translation() - b.translation()).norm() < distance &&
+         so3_log(a.linear().transpose() * b.linear()).norm() < turn;
+}
+
+}  // namespace
+
 bool RelativeEstimator::believable(const FoundLeds& found, Time t) {
-  const auto near = [&](const Pose& X_NB, double distance) {
-    const Pose& X_NB_found = found.fit.X_NB;
-    const Matrix3 turn = X_NB.linear().transpose() * X_NB_found.linear();
-    return (X_NB.translation() - X_NB_found.translation()).norm() < distance &&
-           so3_log(turn).norm() < config_.search_turn_deg * kDegree;
-  };
   const Seconds unseen = to_seconds(t - last_sight_);
-  if (near(filter_.state().X_NB(),
-           config_.search_gate_m + config_.search_drift_m_s * unseen)) {
+  if (near(filter_.state().X_NB(), found.fit.X_NB,
+           config_.search_gate_m + config_.search_drift_m_s * unseen,
+           config_.search_turn_deg * kDegree)) {
     confirmations_ = 0;
     return true;
   }
-  if (found.frame.led_count() < config_.search_leds) return false;
-  confirmations_ = near(X_NB_contrary_, config_.search_gate_m) ? confirmations_ + 1 : 1;
-  X_NB_contrary_ = found.fit.X_NB;
+  return found.frame.led_count() >= config_.search_leds && confirmed(found.fit.X_NB);
+}
+
+bool RelativeEstimator::believable_on_floor(const FoundLeds& found) {
+  const Pose& X_NB = found.fit.X_NB;
+  return found.frame.led_count() >= config_.search_leds &&
+         X_NB.linear()(2, 2) > std::cos(config_.floor_tilt_deg * kDegree) &&
+         X_NB.translation().z() < config_.floor_height_m && confirmed(X_NB);
+}
+
+bool RelativeEstimator::confirmed(const Pose& X_NB) {
+  const bool again = near(X_NB_contrary_, X_NB, config_.search_gate_m,
+                          config_.search_turn_deg * kDegree);
+  confirmations_ = again ? confirmations_ + 1 : 1;
+  X_NB_contrary_ = X_NB;
   return confirmations_ >= config_.search_confirmations;
 }
 

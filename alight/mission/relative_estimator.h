@@ -29,6 +29,8 @@ struct RelativeEstimatorConfig {
   double search_drift_m_s = 1;   ///< A prediction may be off by the gate plus this,
   double search_turn_deg = 35;   ///< and turned by this;
   int search_leds = 5;           ///< else an answer needs that many LEDs,
+  double floor_tilt_deg = 20;    ///< On the floor: neither tilted more
+  double floor_height_m = 1;     ///< nor higher above the pad, and confirmed, too.
   int search_confirmations = 3;  ///< in so many pictures in a row.
 
   Result<void> validate() const;
@@ -88,6 +90,11 @@ class RelativeEstimator {
   void expect(const Pose& X_NB, const Matrix6& cov);
   void expect_nothing() { expecting_ = false; }
 
+  /// While it stands on the floor or has just left it, a pose is only believed if the
+  /// drone is upright and low in it, picture after picture: a light that is taken for
+  /// the drone would be climbed after.
+  void set_on_floor(bool on_floor) { on_floor_ = on_floor; }
+
   /// Measures the rig by the drone that stands where it is expected, from the pictures
   /// since `expect`, and goes on with the rig as found.
   /// @returns too_few_points (not seen for long enough), or the complaint of
@@ -100,6 +107,8 @@ class RelativeEstimator {
                     RelativeFilter filter);
   void search(const CameraFrame& frame, FrameReport& out, Probe* probe);
   bool believable(const FoundLeds& found, Time t);
+  bool believable_on_floor(const FoundLeds& found);
+  bool confirmed(const Pose& X_NB);
   bool follow(const CameraFrame& frame, FrameReport& out, Probe* probe);
   /// The LEDs where they are expected: a fit with all but one of them in view.
   Result<FoundLeds> find_expected(BlobSpan blobs, Time t) const;
@@ -119,6 +128,7 @@ class RelativeEstimator {
   int misses_ = 0;
   int confirmations_ = 0;  // of the answer that contradicts the prediction
   Pose X_NB_contrary_ = Pose::Identity();
+  bool on_floor_ = false;
   bool expecting_ = false;
   Pose X_NB_expected_ = Pose::Identity();
   Matrix6 cov_expected_ = Matrix6::Identity();

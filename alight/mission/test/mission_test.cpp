@@ -805,10 +805,19 @@ TEST(Mission, NoTouchDownWhereThePadShouldBeGoesAround) {
   Flight f;
   ASSERT_TRUE(f.reach(State::land));
   ASSERT_TRUE(f.until_below(0.11));
-  f.off = Vector3(0, 0, 0.12);
+  f.off = Vector3(0, 0, 0.2);
   ASSERT_TRUE(f.until(State::go_around, 10));
   EXPECT_EQ(f.reason(), "no touch-down where the pad should be");
   EXPECT_EQ(f.orders_disarm, 0) << "motors run as long as it flies";
+}
+
+TEST(Mission, CarriedByWhatTheRigHasTooLowItStands) {
+  Flight f;
+  ASSERT_TRUE(f.reach(State::land));
+  ASSERT_TRUE(f.until_below(0.11));
+  f.off = Vector3(0, 0, 0.12);  // at rest 4 cm above gear height, though pushed down
+  ASSERT_TRUE(f.until(State::shut_down, 3));
+  EXPECT_EQ(f.reason(), "stands on the pad");
 }
 
 TEST(Mission, TooManyFailedLandingsHold) {
