@@ -39,6 +39,12 @@ Result<void> LedFinderConfig::validate() const {
   if (!(missing_cost >= 0 && missing_cost <= 1e4)) {
     return out("missing_cost", missing_cost, "[0, 1e4]");
   }
+  if (!(mirror_cost >= 0 && mirror_cost <= 1e4)) {
+    return out("mirror_cost", mirror_cost, "[0, 1e4]");
+  }
+  if (!(brightness_sd > 0 && brightness_sd <= 1e4)) {
+    return out("brightness_sd", brightness_sd, "(0, 1e4]");
+  }
   if (!(runner_up_margin >= 0 && runner_up_margin <= 1e4)) {
     return out("runner_up_margin", runner_up_margin, "[0, 1e4]");
   }

@@ -24,12 +24,35 @@ bool rivals(const Pose& a, const Pose& b) {
          (a.translation() - b.translation()).squaredNorm() > 0.15 * 0.15;
 }
 
-double LedFinder::Search::score_of(const Candidate& candidate,
+double LedFinder::Search::brightness_cost(const Assignment& assignment,
+                                          BlobSpan blobs) const {
+  FixedVector<double, kMaxLeds> logs;
+  for (int i = 0; i < leds.size(); ++i) {
+    const int j = assignment.blob[static_cast<std::size_t>(i)];
+    if (j < 0) continue;
+    const auto sharing = std::count(assignment.blob.begin(), assignment.blob.end(), j);
+    const double light = blobs[static_cast<std::size_t>(j)].brightness;
+    logs.push_back(std::log(std::max(1.0, light / static_cast<double>(sharing))));
+  }
+  if (logs.empty()) return 0;
+  FixedVector<double, kMaxLeds> sorted = logs;
+  const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
+  std::nth_element(sorted.begin(), middle, sorted.end());
+  double cost = 0;
+  for (const double l : logs) {
+    const double off = (l - *middle) / config.brightness_sd;
+    cost += std::min(off * off, config.mirror_cost);
+  }
+  return cost;
+}
+
+double LedFinder::Search::score_of(const Candidate& candidate, BlobSpan blobs,
                                    std::span<const BlobTerm> terms,
                                    const BlobFit& fit) const {
   double score = fit.cost() +
                  config.missing_cost * (leds.size() - candidate.assignment.leds) +
-                 2.0 * (candidate.assignment.leds - candidate.assignment.blobs);
+                 2.0 * (candidate.assignment.leds - candidate.assignment.blobs) +
+                 brightness_cost(candidate.assignment, blobs);
   // Each blob in use is one that need not be a stray light.
   for (const BlobTerm& term : terms) {
     score += std::log(term.cov.determinant()) + 2 * std::log(2 * kPi * light_density) +
@@ -72,7 +95,7 @@ bool LedFinder::Search::settle(BlobSpan blobs, bool white_is_any, double best_sc
     if (!fit || !plausible(fit->X_NB)) return false;
     s.fit = *fit;
     candidate.X_NB = fit->X_NB;
-    candidate.score = score_of(candidate, {terms.data(), terms.size()}, *fit);
+    candidate.score = score_of(candidate, blobs, {terms.data(), terms.size()}, *fit);
     // No second look gains as much as that.
     if (candidate.score > best_score + kHopeless) return false;
     images = led_images(camera, leds, fit->X_NB);

@@ -54,8 +54,10 @@ struct LedFinder::Search {
   bool settle(BlobSpan blobs, bool white_is_any, double best_score, Settled& s);
   /// For each blob that the pad may show, the brighter ones whose image it may be.
   void find_twins(BlobSpan blobs);
-  double score_of(const Candidate& candidate, std::span<const BlobTerm> terms,
-                  const BlobFit& fit) const;
+  double score_of(const Candidate& candidate, BlobSpan blobs,
+                  std::span<const BlobTerm> terms, const BlobFit& fit) const;
+  /// -2 log likelihood of how unequally bright the LEDs then are.
+  double brightness_cost(const Assignment& assignment, BlobSpan blobs) const;
   /// Whether both tell the same story: near each other, or one leaves out LEDs that the
   /// other sees and moves over to it once they are put in.
   bool same_answer(BlobSpan blobs, const Candidate& best, const Candidate& other) const;

@@ -7,7 +7,7 @@ namespace alight {
 namespace {
 
 constexpr double kHighest = 0.5;          // m, of a light above the pad
-const double kTurn = 2 * kDegree;         // by which the mount may be off
+const double kTurn = 4 * kDegree;         // by which mount and lens may be off together
 constexpr double kTolerance_px = 2;       // two centroids, one of them dim
 constexpr double kToleranceShare = 0.08;  // of the way between: mount and pad not level
 

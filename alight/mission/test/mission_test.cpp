@@ -911,17 +911,19 @@ TEST(Mission, SlippingOrTippingAtTakeOffCountsAsLifted) {
     double tip_deg;
     bool lifts;
   };
-  const Case cases[] = {{{0.07, 0, 0}, 0, true},
-                        {{0, -0.07, 0}, 0, true},
-                        {{0.04, 0, 0}, 0, false},
-                        {{0, 0, 0}, 17, true},
-                        {{0, 0, 0}, -17, true},
-                        {{0, 0, 0}, 12, false},
+  const MissionConfig config;
+  const double slip = config.slip_m, tip = config.slip_tilt_deg;
+  const Case cases[] = {{{1.1 * slip, 0, 0}, 0, true},
+                        {{0, -1.1 * slip, 0}, 0, true},
+                        {{0.9 * slip, 0, 0}, 0, false},
+                        {{0, 0, 0}, 1.1 * tip, true},
+                        {{0, 0, 0}, -1.1 * tip, true},
+                        {{0, 0, 0}, 0.9 * tip, false},
                         {{0, 0, 0.014}, 0, true},
                         {{0, 0, 0.008}, 0, false},
                         // Over a foot: the middle rises, but it stands.
-                        {{0, 0, 0.0175}, 10, false},
-                        {{0, 0, 0.03}, 10, true}};
+                        {{0, 0, 0.0175}, 7, false},
+                        {{0, 0, 0.03}, 7, true}};
   for (const Case& c : cases) {
     SCOPED_TRACE(testing::Message() << c.slid.transpose() << " m, " << c.tip_deg);
     Flight f;

@@ -190,13 +190,15 @@ TEST(LedFinder, TakesNoMirrorImageForAnLed) {
   EXPECT_GE(found_count, 0.9 * total);
 }
 
-// With an LED out of sight the twins tempt. Who knows of the pad answers more often,
-// and next to never by a twin.
+// With an LED out of sight the twins tempt. Who knows of pad and light answers more
+// often, and next to never by a twin.
 TEST(LedFinder, KnowingOfThePadKeepsItFromTwins) {
   const Rig rig = alan_rig();
   auto detector = BlobDetector::create({}, 848, 480);
   auto knows = LedFinder::create({}, rig.camera, rig.leds, rig.pad.size_m);
-  auto knows_not = LedFinder::create({}, rig.camera, rig.leds);
+  LedFinderConfig naive;  // of brightness, too
+  naive.brightness_sd = 1e3;
+  auto knows_not = LedFinder::create(naive, rig.camera, rig.leds);
   ASSERT_TRUE(detector && knows && knows_not);
   int found_knowing = 0, found_not = 0, by_twins = 0, total = 0;
   for (unsigned seed = 0; total < 200; ++seed) {
