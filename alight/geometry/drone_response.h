@@ -23,9 +23,9 @@ struct DroneResponseConfig {
   double velocity_damping = 0.2;   ///< On the acceleration
   double tilt_max_deg = 35;        ///< Of what velocity set-points ask for.
   // Telemetry against the model.
-  double attitude_share = 0.2;      ///< Of the difference in attitude, per report.
-  double rate_observer_rad_s = 20;  ///< How fast rates and moments are believed.
-  double moment_fade_s = 0.3;       ///< The autopilot learns to hold against it, too.
+  double attitude_share = 0.1;     ///< Of the difference in attitude, per report.
+  double rate_observer_rad_s = 7;  ///< How fast rates and moments are believed.
+  double moment_fade_s = 0.3;      ///< The autopilot learns to hold against it, too.
 
   Result<void> validate() const;
 };

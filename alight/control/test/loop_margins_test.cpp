@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <iostream>
 
 #include "alight/control/test/attitude_loop.h"
@@ -79,11 +80,12 @@ TEST(Loop, CountsStabilityAsTheSimulationShowsIt) {
   AttitudeLoop loop;
   loop.drag_per_s = loop.model.gains.drag_per_s = 0;
   loop.disturbance_I = Vector3(0.2, 0, 0);
+  // Above the margin it swings, as far as the attitude loop's limits let it.
   loop.error.extra_delay = 0.9e-3 * margins.delay_ms;
-  EXPECT_LT(loop.run(80, 70).last_rms_m, 0.01);
+  const double below = loop.run(80, 70).last_rms_m;
+  EXPECT_LT(below, 0.01);
   loop.error.extra_delay = 1.1e-3 * margins.delay_ms;
-  // It swings, as far as the attitude loop's limits let it.
-  EXPECT_GT(loop.run(80, 70).last_rms_m, 0.025);
+  EXPECT_GT(loop.run(80, 70).last_rms_m, std::max(0.01, 3 * below));
 }
 
 TEST(Loop, PredictsTheStepOfDisturbance) {
