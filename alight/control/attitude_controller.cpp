@@ -2,7 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <sstream>
+
+#include "alight/base/bounds.h"
 
 namespace alight {
 namespace {
@@ -50,31 +51,21 @@ Vector3 wished_force_N(const PlatformState& platform, const FlatState& r,
 }  // namespace
 
 Result<void> AttitudeControllerConfig::validate() const {
-  const struct {
-    const char* name;
-    double value, low, high;
-  } bounds[] = {{"attitude.kp", kp, 0.1, 100},
-                {"attitude.kv", kv, 0.1, 50},
-                {"attitude.ka", ka, 0, 10},
-                {"attitude.kp_z", kp_z, 0.1, 100},
-                {"attitude.kv_z", kv_z, 0.1, 50},
-                {"attitude.ka_z", ka_z, 0, 10},
-                {"attitude.disturbance_lag_s", disturbance_lag_s, 1e-3, 10},
-                {"attitude.drag_per_s", drag_per_s, 0, 5},
-                {"attitude.error_max_m", error_max_m, 0.01, 100},
-                {"attitude.velocity_error_max_m_s", velocity_error_max_m_s, 0.01, 100},
-                {"attitude.disturbance_max_m_s2", disturbance_max_m_s2, 0, 20},
-                {"attitude.thrust_min", thrust_min, 0, 0.5},
-                {"attitude.thrust_max", thrust_max, 0.5, 1},
-                {"attitude.yaw_step_max_deg", yaw_step_max_deg, 1, 90}};
-  for (const auto& b : bounds) {
-    if (b.value >= b.low && b.value <= b.high) continue;
-    std::ostringstream text;
-    text << b.name << " is " << b.value << ", must lie in [" << b.low << ", " << b.high
-         << "]";
-    return fail(Fault::invalid_config, text.str());
-  }
-  return {};
+  return check_bounds(
+      {{"attitude.kp", kp, 0.1, 100},
+       {"attitude.kv", kv, 0.1, 50},
+       {"attitude.ka", ka, 0, 10},
+       {"attitude.kp_z", kp_z, 0.1, 100},
+       {"attitude.kv_z", kv_z, 0.1, 50},
+       {"attitude.ka_z", ka_z, 0, 10},
+       {"attitude.disturbance_lag_s", disturbance_lag_s, 1e-3, 10},
+       {"attitude.drag_per_s", drag_per_s, 0, 5},
+       {"attitude.error_max_m", error_max_m, 0.01, 100},
+       {"attitude.velocity_error_max_m_s", velocity_error_max_m_s, 0.01, 100},
+       {"attitude.disturbance_max_m_s2", disturbance_max_m_s2, 0, 20},
+       {"attitude.thrust_min", thrust_min, 0, 0.5},
+       {"attitude.thrust_max", thrust_max, 0.5, 1},
+       {"attitude.yaw_step_max_deg", yaw_step_max_deg, 1, 90}});
 }
 
 Result<AttitudeController> AttitudeController::create(

@@ -10,8 +10,8 @@
 
 namespace alight {
 
-/// Holds standard error while it lives: libraries talk there of
-/// damage that is told here in one line. `said` has what came.
+/// Holds standard error while it lives: libraries talk there of damage that is told
+/// here in one line. `said` has what came.
 class HeldStandardError {
  public:
   HeldStandardError() : lock_(mutex()), held_(memfd_create("held", MFD_CLOEXEC)) {

@@ -31,6 +31,12 @@ Vector3 level_from_lens(const Rig& rig) {
 
 double horizontal(const Vector3& v) { return v.head<2>().norm(); }
 
+Seconds unseen(const MissionInput& in) { return to_seconds(in.now - in.seen); }
+
+bool in_sight(const MissionInput& in) {
+  return in.estimate_valid && unseen(in) < kFreshSight;
+}
+
 }  // namespace
 
 Mission::Mission(const MissionConfig& config, const Rig& rig)
@@ -107,8 +113,7 @@ void Mission::move_to(const Vector3& p_NB, double speed, const MissionInput& in)
 
 bool Mission::settled(const MissionInput& in) {
   const FlatState ref = maneuver_.at(in.now);
-  const bool near = maneuver_.done(in.now) && in.estimate_valid &&
-                    to_seconds(in.now - in.seen) < kFreshSight &&
+  const bool near = maneuver_.done(in.now) && in_sight(in) &&
                     (in.x.p_NB - ref.p_NB).norm() < config_.settle_error_m &&
                     (in.x.v_NB - ref.v_NB).norm() < config_.settle_speed_m_s;
   if (!near) {
@@ -249,7 +254,7 @@ void Mission::idle(const MissionInput& in, Output& out) {
   } else if (!in.platform_ready) {
     missing = "there is no platform odometry";
   } else if (!config_.start_on_floor &&
-             (!in.estimate_valid || to_seconds(in.now - in.seen) > kFreshSight)) {
+             (!in.estimate_valid || unseen(in) > kFreshSight)) {
     missing = "the LEDs are not seen on the pad";
   }
   if (missing == nullptr && in.battery < config_.battery_min) {
@@ -283,11 +288,11 @@ void Mission::armed(const MissionInput& in, Command& c, Output& out) {
 }
 
 void Mission::taken_off(const MissionInput& in, Command& c, Output& out) {
-  const bool fresh = in.estimate_valid && to_seconds(in.now - in.seen) < kFreshSight;
+  const bool fresh = in_sight(in);
   if (airborne_) {
     if (overruled(in, out)) return;
     c.mode = Command::Mode::track;
-    if (!fresh && to_seconds(in.now - in.seen) > config_.sight_lost_s) {
+    if (!fresh && unseen(in) > config_.sight_lost_s) {
       go(MissionState::lost_target, "the LEDs are out of sight", in, out);
       return;
     }
@@ -355,7 +360,7 @@ void Mission::taken_off(const MissionInput& in, Command& c, Output& out) {
 
 void Mission::follow(const MissionInput& in, Output& out) {
   if (overruled(in, out)) return;
-  if (to_seconds(in.now - in.seen) > config_.sight_lost_s) {
+  if (unseen(in) > config_.sight_lost_s) {
     go(MissionState::lost_target, "the LEDs are out of sight", in, out);
     return;
   }
@@ -391,7 +396,7 @@ void Mission::request_plan(const MissionInput& in, Output& out) {
 
 void Mission::rendezvous(const MissionInput& in, Output& out) {
   if (overruled(in, out)) return;
-  if (to_seconds(in.now - in.seen) > config_.sight_lost_s) {
+  if (unseen(in) > config_.sight_lost_s) {
     go(MissionState::lost_target, "the LEDs are out of sight", in, out);
     return;
   }
@@ -426,7 +431,7 @@ void Mission::rendezvous(const MissionInput& in, Output& out) {
 bool Mission::may_touch(const MissionInput& in) const {
   if (!committed_) return false;
   // Past the commit height there is no way back: unseen, it trusts the prediction.
-  if (to_seconds(in.now - in.seen) > config_.sight_lost_s) {
+  if (unseen(in) > config_.sight_lost_s) {
     return maneuver_.past_end(in.now) > config_.blind_sink_s;
   }
   const double above = in.x_seen.p_NB.z() - gear_height_;
@@ -446,7 +451,7 @@ bool Mission::touched_down(const MissionInput& in) {
     settle_since_ = in.now;
     low_ = false;
   }
-  if (to_seconds(in.now - in.seen) > config_.sight_lost_s) {
+  if (unseen(in) > config_.sight_lost_s) {
     return to_seconds(in.now - settle_since_) >= config_.settle_down_s;
   }
   // Still sinking, if slowly: not yet.
@@ -463,7 +468,6 @@ void Mission::land(const MissionInput& in, Command& c, Output& out) {
   if (overruled(in, out)) return;
   const FlatState ref = maneuver_.at(in.now);
   const Vector3 error = in.x.p_NB - ref.p_NB;
-  const Seconds unseen = to_seconds(in.now - in.seen);
 
   if (config_.cut_height_m > 0 && maneuver_.done(in.now) &&
       in.x.p_NB.z() < config_.cut_height_m + 0.05) {
@@ -494,7 +498,7 @@ void Mission::land(const MissionInput& in, Command& c, Output& out) {
     }
     if (hold_wanted_) {
       go(MissionState::hold, "the operator holds", in, out);
-    } else if (unseen > config_.sight_lost_s) {
+    } else if (unseen(in) > config_.sight_lost_s) {
       go(MissionState::lost_target, "the LEDs are out of sight", in, out);
     } else if (error.norm() > config_.go_around_error_m) {
       go(MissionState::go_around, "too far from the trajectory", in, out);
@@ -530,7 +534,7 @@ void Mission::shut_down(const MissionInput& in, Command& c, Output& out) {
 
 void Mission::lost_target(const MissionInput& in, Output& out) {
   if (overruled(in, out)) return;
-  if (to_seconds(in.now - in.seen) < kFreshSight) {
+  if (unseen(in) < kFreshSight) {
     go(MissionState::go_around, "the LEDs are in sight again", in, out);
   } else if (in_state(in) > config_.give_up_s || !in.estimate_valid) {
     go(MissionState::aborted, "the LEDs stay out of sight: the autopilot lands", in,
@@ -548,8 +552,7 @@ void Mission::lost_link(const MissionInput& in, Command& c, Output& out) {
     } else if (abort_wanted_) {
       go(MissionState::aborted, "the operator aborted: the autopilot lands", in, out);
     } else if (!autopilot_acts) {
-      const bool fresh =
-          in.estimate_valid && to_seconds(in.now - in.seen) < kFreshSight;
+      const bool fresh = in_sight(in);
       go(fresh ? MissionState::go_around : MissionState::lost_target,
          fresh ? "the link is back" : "the link is back, the LEDs are out of sight", in,
          out);

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "alight/base/bounds.h"
+
 namespace alight {
 namespace {
 
@@ -20,40 +22,32 @@ bool in_view(const Rig& rig, const Vector3& p_NB) {
 }  // namespace
 
 Result<void> MissionConfig::validate() const {
-  const struct {
-    const char* name;
-    double value, low, high;
-  } bounds[] = {
-      {"follow_distance", follow_distance, 1.2, 10},
-      {"rendezvous_distance", rendezvous_distance, 1.2, 10},
-      {"take_off_height_m", take_off_height_m, 0, 20},
-      {"climb_speed_m_s", climb_speed_m_s, 0.05, 5},
-      {"move_speed_m_s", move_speed_m_s, 0.05, 10},
-      {"move_acceleration_m_s2", move_acceleration_m_s2, 0.1, 10},
-      {"plan_ahead_s", plan_ahead_s, 0.01, 1},
-      {"commit_height_m", commit_height_m, 0, 5},
-      {"commit_error_m", commit_error_m, 0.001, 1},
-      {"wait_error_m", wait_error_m, 0, 1},
-      {"wait_room_m", wait_room_m, 0, 5},
-      {"wait_max_s", wait_max_s, 0, 60},
-      {"take_off_back_m", take_off_back_m, 0, 1},
-      {"lift_m", lift_m, 0.001, 0.2},
-      {"slip_m", slip_m, 0.005, 1},
-      {"slip_tilt_deg", slip_tilt_deg, 1, 60},
-      {"sink_m", sink_m, 0, 0.5},
-      {"ramp_from", ramp_from, 0, 1},
-      {"ramp_rate", ramp_rate, 0.05, 5},
-      {"ramp_to", ramp_to, 1, 2.5},
-      {"battery_min", battery_min, 0, 1},
-      {"give_up_s", give_up_s, 0.1, 30},
-  };
-  for (const auto& b : bounds) {
-    if (!(b.value >= b.low && b.value <= b.high)) {
-      return fail(Fault::invalid_config, std::string("mission.") + b.name + " is " +
-                                             std::to_string(b.value) +
-                                             ", must lie in [" + std::to_string(b.low) +
-                                             ", " + std::to_string(b.high) + "]");
-    }
+  if (auto good = check_bounds({
+          {"mission.follow_distance", follow_distance, 1.2, 10},
+          {"mission.rendezvous_distance", rendezvous_distance, 1.2, 10},
+          {"mission.take_off_height_m", take_off_height_m, 0, 20},
+          {"mission.climb_speed_m_s", climb_speed_m_s, 0.05, 5},
+          {"mission.move_speed_m_s", move_speed_m_s, 0.05, 10},
+          {"mission.move_acceleration_m_s2", move_acceleration_m_s2, 0.1, 10},
+          {"mission.plan_ahead_s", plan_ahead_s, 0.01, 1},
+          {"mission.commit_height_m", commit_height_m, 0, 5},
+          {"mission.commit_error_m", commit_error_m, 0.001, 1},
+          {"mission.wait_error_m", wait_error_m, 0, 1},
+          {"mission.wait_room_m", wait_room_m, 0, 5},
+          {"mission.wait_max_s", wait_max_s, 0, 60},
+          {"mission.take_off_back_m", take_off_back_m, 0, 1},
+          {"mission.lift_m", lift_m, 0.001, 0.2},
+          {"mission.slip_m", slip_m, 0.005, 1},
+          {"mission.slip_tilt_deg", slip_tilt_deg, 1, 60},
+          {"mission.sink_m", sink_m, 0, 0.5},
+          {"mission.ramp_from", ramp_from, 0, 1},
+          {"mission.ramp_rate", ramp_rate, 0.05, 5},
+          {"mission.ramp_to", ramp_to, 1, 2.5},
+          {"mission.battery_min", battery_min, 0, 1},
+          {"mission.give_up_s", give_up_s, 0.1, 30},
+      });
+      !good) {
+    return good;
   }
   if (!follow_point.allFinite() || !rendezvous_point.allFinite()) {
     return fail(Fault::invalid_config, "mission: a point is not finite");

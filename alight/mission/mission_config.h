@@ -47,8 +47,9 @@ struct MissionConfig {
   double touch_height_m = 0.03;   ///< Above gear height: may stand on the pad.
   double settle_down_s = 0.25;    ///< In which thrust then goes to nothing.
   double touch_settled_s = 0.06;  ///< Not sinking for this long: it stands.
-  double blind_sink_s = 0.6;  ///< Committed and unseen: from the trajectory's end to
-                              ///< when thrust goes.
+  double blind_sink_s = 0.6;  ///< From the trajectory's end to when thrust goes, for a
+                              ///< committed drone that is not seen, or that does not
+                              ///< sink though its height says it should.
   double landing_overtime_s = 4;  ///< Past the trajectory's end: go around.
   double cut_height_m = 0;        ///< paper: motors are cut at the trajectory's end.
 

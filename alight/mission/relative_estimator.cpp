@@ -15,6 +15,11 @@ Covariance9 covariance_of(const PoseFit& fit, double velocity_sd) {
   return cov;
 }
 
+bool near(const Pose& a, const Pose& b, double distance, double turn) {
+  return (a.translation() - b.translation()).norm() < distance &&
+         so3_log(a.linear().transpose() * b.linear()).norm() < turn;
+}
+
 }  // namespace
 
 Result<void> RelativeEstimatorConfig::validate() const {
@@ -239,15 +244,6 @@ void RelativeEstimator::search(const CameraFrame& frame, FrameReport& out,
   out.initialized = true;
   out.why_not = "";
 }
-
-namespace {
-
-bool near(const Pose& a, const Pose& b, double distance, double turn) {
-  return (a.translation() - b.translation()).norm() < distance &&
-         so3_log(a.linear().transpose() * b.linear()).norm() < turn;
-}
-
-}  // namespace
 
 bool RelativeEstimator::believable(const FoundLeds& found, Time t) {
   const Seconds unseen = to_seconds(t - last_sight_);

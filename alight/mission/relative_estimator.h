@@ -29,9 +29,9 @@ struct RelativeEstimatorConfig {
   double search_drift_m_s = 1;   ///< A prediction may be off by the gate plus this,
   double search_turn_deg = 35;   ///< and turned by this;
   int search_leds = 5;           ///< else an answer needs that many LEDs,
-  double floor_tilt_deg = 20;    ///< On the floor: neither tilted more
-  double floor_height_m = 1;     ///< nor higher above the pad, and confirmed, too.
   int search_confirmations = 3;  ///< in so many pictures in a row.
+  double floor_tilt_deg = 20;    ///< From the floor: an answer must be confirmed, too,
+  double floor_height_m = 1;     ///< not tilted more, not higher above the pad.
 
   Result<void> validate() const;
   static RelativeEstimatorConfig paper();

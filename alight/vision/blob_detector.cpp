@@ -5,6 +5,7 @@
 #include <cmath>
 #include <sstream>
 
+#include "alight/base/median.h"
 #include "alight/vision/bright_scan.h"
 
 namespace alight {
@@ -306,10 +307,8 @@ double BlobDetector::depth_of(const Part& part, const ImageView& image,
     }
   }
   if (count == 0) return 0;
-  const auto middle = known.begin() + static_cast<std::ptrdiff_t>(count / 2);
-  std::nth_element(known.begin(), middle,
-                   known.begin() + static_cast<std::ptrdiff_t>(count));
-  return *middle / 1000.0;
+  return median(known.begin(), known.begin() + static_cast<std::ptrdiff_t>(count)) /
+         1000.0;
 }
 
 }  // namespace alight

@@ -28,7 +28,8 @@ struct LedFinderConfig {
   double missing_cost = 8;      ///< -2 log of the chance that an LED is not seen,
   double mirror_cost = 8;       ///< that a brighter light of its colour stands just
                                 ///< where the pad would show it as this LED.
-  double brightness_sd = 1;     ///< Of the logarithm of an LED's brightness.
+  double brightness_sd = 1;     ///< Of the logarithm of an LED's brightness; one LED
+                                ///< costs no more by it than mirror_cost.
   double runner_up_margin = 8;  ///< -2 log likelihood by which it must beat its rival.
   double attitude_sd_max_deg = 7;  ///< The answer's own, about its worst axis.
   /// Accept only if fewer answers as good are expected by chance of lights that have

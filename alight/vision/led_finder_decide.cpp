@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "alight/base/median.h"
 #include "alight/vision/led_finder_search.h"
 
 namespace alight {
@@ -36,11 +37,10 @@ double LedFinder::Search::brightness_cost(const Assignment& assignment,
   }
   if (logs.empty()) return 0;
   FixedVector<double, kMaxLeds> sorted = logs;
-  const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
-  std::nth_element(sorted.begin(), middle, sorted.end());
+  const double usual = median(sorted.begin(), sorted.end());
   double cost = 0;
   for (const double l : logs) {
-    const double off = (l - *middle) / config.brightness_sd;
+    const double off = (l - usual) / config.brightness_sd;
     cost += std::min(off * off, config.mirror_cost);
   }
   return cost;

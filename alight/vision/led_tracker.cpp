@@ -5,6 +5,7 @@
 #include <cmath>
 #include <sstream>
 
+#include "alight/base/median.h"
 #include "alight/vision/led_matcher.h"
 
 namespace alight {
@@ -178,9 +179,7 @@ LedFrame LedTracker::track(BlobSpan blobs, const Pose& X_NB_predicted,
     }
     if (areas.size() >= kEnoughColored) {
       white_is_any = false;
-      const auto middle = areas.begin() + static_cast<std::ptrdiff_t>(areas.size() / 2);
-      std::nth_element(areas.begin(), middle, areas.end());
-      area_max = kLargest * *middle;
+      area_max = kLargest * median(areas.begin(), areas.end());
       FixedVector<int, 64> kept;
       for (const int j : near) {
         if (blobs[static_cast<std::size_t>(j)].area_px <= area_max) kept.push_back(j);

@@ -138,6 +138,14 @@ TEST(RestCalibration, ARigAsWrittenStaysAsWritten) {
   }
 }
 
+/// The rig as written, measured by the true one at rest.
+Result<RestFit> measured(const Rig& rig, const Truth& truth, Rng& rng) {
+  return calibrate_at_rest(
+      {}, rig.camera, rig.leds,
+      images(truth.camera, truth.leds, truth.X_NB_rest, kPixelSd, rng),
+      expected_at_rest(rig));
+}
+
 // What it is told of the rig and of the drone's stand it weighs rightly: the sum of
 // squares has as many degrees of freedom as there are measurements, 6 LEDs of 2
 // coordinates, whatever the number of unknowns.
@@ -148,10 +156,7 @@ TEST(RestCalibration, AnswersForEveryRigAndTheSumOfSquaresIsThatOfTheMeasurement
   for (unsigned seed = 0; seed < kRigs; ++seed) {
     Rng rng(seed);
     const Truth truth = draw(rig, rng);
-    const auto fit = calibrate_at_rest(
-        {}, rig.camera, rig.leds,
-        images(truth.camera, truth.leds, truth.X_NB_rest, kPixelSd, rng),
-        expected_at_rest(rig));
+    const auto fit = measured(rig, truth, rng);
     ASSERT_TRUE(fit) << "seed " << seed;
     EXPECT_TRUE(std::isfinite(fit->chi2) && fit->X_NB.matrix().allFinite());
     chi2.add(fit->chi2);
@@ -173,10 +178,7 @@ TEST(RestCalibration, PosesInFlightComeNearerToTheTruth) {
   for (unsigned seed = 5000; seed < 5400; ++seed) {
     Rng rng(seed);
     const Truth truth = draw(rig, rng);
-    const auto fit = calibrate_at_rest(
-        {}, rig.camera, rig.leds,
-        images(truth.camera, truth.leds, truth.X_NB_rest, kPixelSd, rng),
-        expected_at_rest(rig));
+    const auto fit = measured(rig, truth, rng);
     ASSERT_TRUE(fit);
     double p_written = 0, p_measured = 0, R_written = 0, R_measured = 0;
     for (const double range : {0.6, 0.8, 1.0, 1.3, 1.6, 2.0}) {

@@ -228,11 +228,7 @@ TEST(LedFinder, UsesNoBlobThatThePicturesEdgeCuts) {
   for (unsigned seed = 0; seed < 200; ++seed) {
     Rng rng(seed);
     const Pose X_NB = test::random_pose(rig, rng, 0.4, 1.5);
-    std::vector<Blob> blobs;
-    for (int i = 0; i < rig.leds.size(); ++i) {
-      blobs.push_back(test::blob_at(*project_led(rig.camera, X_NB, rig.leds.p_BL(i)),
-                                    rig.leds.color(i), rng));
-    }
+    std::vector<Blob> blobs = test::blobs_of(rig, X_NB, rng);
     // Even where it would fit.
     Blob& cut = blobs[seed % blobs.size()];
     cut.cut = true;

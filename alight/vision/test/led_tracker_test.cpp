@@ -211,11 +211,7 @@ TEST(LedTracker, RefusesWhatThePicturesEdgeCutsByName) {
   for (unsigned seed = 0; seed < 200; ++seed) {
     Rng rng(seed);
     const Pose X_NB = test::random_pose(rig, rng, 0.4, 2);
-    std::vector<Blob> blobs;
-    for (int i = 0; i < rig.leds.size(); ++i) {
-      blobs.push_back(test::blob_at(*project_led(rig.camera, X_NB, rig.leds.p_BL(i)),
-                                    rig.leds.color(i), rng));
-    }
+    std::vector<Blob> blobs = test::blobs_of(rig, X_NB, rng);
     const Blob& cut = blobs[seed % blobs.size()];
     blobs[seed % blobs.size()].cut = true;  // even where it would fit
     const LedFrame frame = tracker.track(blobs, X_NB, loose_covariance());

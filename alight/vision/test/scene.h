@@ -96,6 +96,15 @@ inline Blob blob_at(const Vector2& uv, LedColor color, Rng& rng, double sd_px = 
   return blob;
 }
 
+/// One for each LED of the rig, in its order. @pre all in front of the lens
+inline std::vector<Blob> blobs_of(const Rig& rig, const Pose& X_NB, Rng& rng) {
+  std::vector<Blob> blobs;
+  for (const Led& led : rig.leds.leds) {
+    blobs.push_back(blob_at(*project_led(rig.camera, X_NB, led.p_BL), led.color, rng));
+  }
+  return blobs;
+}
+
 /// Number of observations that name an LED whose image is farther than `limit_px` from
 /// it and nearer to another one: swaps and strays. A merged one is right when the mean
 /// of its LEDs is where it says.
