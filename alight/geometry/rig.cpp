@@ -66,7 +66,17 @@ Result<void> Rig::validate() const {
   }
   check.range("limits.speed_m_s", limits.speed_m_s, 0.1, 100);
   check.range("limits.acceleration_m_s2", limits.acceleration_m_s2, 0.1, 100);
+  if (tag) {
+    check.range("tag.id", tag->id, 0, tag->family == TagFamily::tag36h11 ? 586 : 49);
+    check.range("tag.size_m", tag->size_m, 0.005, 5);
+    finite(check, "tag.xyz_m", tag->X_BT.translation());
+    check.that(tag->X_BT.linear().allFinite(), "tag.rpy_deg is not finite");
+  }
   return check.result();
+}
+
+const char* to_string(TagFamily family) {
+  return family == TagFamily::tag36h11 ? "tag36h11" : "DICT_4X4_50";
 }
 
 Pose optical_from_housing(const Pose& X_NH) {

@@ -1,4 +1,5 @@
 #pragma once
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -59,6 +60,18 @@ struct DynamicLimits {
   double acceleration_m_s2 = 8;  ///< of a_IB
 };
 
+enum class TagFamily : std::uint8_t { dict_4x4_50, tag36h11 };
+const char* to_string(TagFamily family);
+
+/// A square marker on the drone, for the methods that look for one (aruco, apriltag).
+struct Tag {
+  TagFamily family = TagFamily::dict_4x4_50;
+  int id = 0;
+  double size_m = 0.06;  ///< Side of the black square; white paper goes on around it.
+  /// T: origin at the tag's centre; who looks at it sees x right, y up; z out of it.
+  Pose X_BT = Pose::Identity();
+};
+
 /// What the user wrote down of camera, drone and pad (CONTRACT: Rig). The true rig
 /// differs; only the simulation knows it.
 struct Rig {
@@ -68,6 +81,7 @@ struct Rig {
   DroneSpec drone;
   PadSpec pad;
   DynamicLimits limits;
+  std::optional<Tag> tag;
 
   /// Names the first field that is out of range, its value and its bounds.
   Result<void> validate() const;

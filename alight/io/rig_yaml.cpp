@@ -94,6 +94,23 @@ void read_pad(YamlMap map, PadSpec& pad) {
   }
 }
 
+void read_tag(YamlMap map, Tag& tag) {
+  Vector3 p_BT = Vector3::Zero();
+  Vector3 rpy_deg = Vector3::Zero();
+  for (const char* key : {"family", "id", "size_m", "xyz_m", "rpy_deg"}) {
+    map.require(key);
+  }
+  map.read_choice(
+      "family", tag.family,
+      {{"DICT_4X4_50", TagFamily::dict_4x4_50}, {"tag36h11", TagFamily::tag36h11}});
+  map.read("id", tag.id);
+  map.read("size_m", tag.size_m);
+  map.read("xyz_m", p_BT);
+  map.read("rpy_deg", rpy_deg);
+  const Vector3 rpy = rpy_deg * kDegree;
+  tag.X_BT = make_pose(from_rpy(rpy[0], rpy[1], rpy[2]), p_BT);
+}
+
 std::string list_text(const double* values, int count) {
   std::string text(1, '[');
   for (int i = 0; i < count; ++i) text += (i ? ", " : "") + number_text(values[i]);
@@ -136,6 +153,7 @@ Result<Rig> load_rig(const std::string& path) {
   YamlMap limits = file.map("limits");
   limits.read("speed_m_s", rig.limits.speed_m_s);
   limits.read("acceleration_m_s2", rig.limits.acceleration_m_s2);
+  if (file.has("tag")) read_tag(file.map("tag"), rig.tag.emplace());
   if (const auto good = file.finish(); !good) return fail(good.error());
   if (const auto good = rig.validate(); !good) {
     return fail(good.error().fault, path + ": " + good.error().detail);
@@ -196,6 +214,14 @@ std::string rig_text(const Rig& rig) {
   text += "limits:\n";
   field("speed_m_s", rig.limits.speed_m_s);
   field("acceleration_m_s2", rig.limits.acceleration_m_s2);
+  if (rig.tag) {
+    text += "tag:  # seen x right, y up; in B\n";
+    list("family", to_string(rig.tag->family));
+    field("id", rig.tag->id);
+    field("size_m", rig.tag->size_m);
+    list("xyz_m", list_text(rig.tag->X_BT.translation()));
+    list("rpy_deg", list_text(rpy_deg_of(rig.tag->X_BT.linear())));
+  }
   return text;
 }
 

@@ -139,6 +139,39 @@ TEST_F(RigYamlFiles, BadOnesAreNamed) {
   EXPECT_NE(with("mount:", "mounts:").find("mount"), std::string::npos);
 }
 
+TEST_F(RigYamlFiles, ATagReadsBackAndBadOnesAreNamed) {
+  const std::string text = *read_file(ALIGHT_SOURCE_DIR "/config/rigs/alan.yaml");
+  EXPECT_FALSE(load_rig(ALIGHT_SOURCE_DIR "/config/rigs/alan.yaml")->tag);
+  const std::string good =
+      "tag: {family: tag36h11, id: 586, size_m: 0.07, xyz_m: [0.06, 0, 0.03], "
+      "rpy_deg: [110, 0, 90]}\n";
+  EXPECT_EQ(why(text + good), "");
+  const auto rig = load_rig(path("rig.yaml"));
+  ASSERT_TRUE(rig && rig->tag);
+  // It looks forward and a little down; seen from there, y of B is to the right.
+  EXPECT_TRUE(rig->tag->X_BT.linear().col(0).isApprox(Vector3::UnitY(), 1e-12));
+  EXPECT_GT(rig->tag->X_BT.linear()(0, 2), 0.9);
+  EXPECT_LT(rig->tag->X_BT.linear()(2, 2), -0.3);
+  ASSERT_TRUE(save_rig(path("again.yaml"), *rig));
+  const auto again = load_rig(path("again.yaml"));
+  ASSERT_TRUE(again && again->tag) << again.error().detail;
+  EXPECT_EQ(again->tag->family, TagFamily::tag36h11);
+  EXPECT_EQ(again->tag->id, 586);
+  EXPECT_EQ(again->tag->size_m, 0.07);
+  EXPECT_TRUE(again->tag->X_BT.isApprox(rig->tag->X_BT, 1e-12));
+
+  const auto with = [&](const std::string& from, const std::string& to) {
+    std::string changed = good;
+    return why(text + changed.replace(changed.find(from), from.size(), to));
+  };
+  EXPECT_NE(with("586", "587").find("tag.id is 587"), std::string::npos);
+  EXPECT_NE(with("tag36h11", "DICT_4X4_50").find("tag.id is 586"), std::string::npos);
+  EXPECT_NE(with("tag36h11", "tag36h10").find("did you mean tag36h11?"),
+            std::string::npos);
+  EXPECT_NE(with("size_m: 0.07", "size_m: 0").find("tag.size_m"), std::string::npos);
+  EXPECT_NE(with("size_m: 0.07, ", "").find("size_m"), std::string::npos);
+}
+
 TEST_F(RigYamlFiles, LayoutFilesAreRead) {
   const std::string layout =
       "marker_positions:\n  - {x: 0.1, y: 0, z: 0}\n  - {x: 0, y: 0.1, z: 0}\n"
