@@ -36,6 +36,7 @@ int run_program(int argc, char** argv) {
   add_track(app, job);
   add_detect(app, job);
   add_plan(app, job);
+  add_render(app, job);
   add_eval(app, job);
 
   try {

@@ -46,12 +46,15 @@ Result<cv::Mat> decode(const std::string& path) {
   return picture;
 }
 
-Result<void> save(const std::string& path, const cv::Mat& picture) {
-  std::vector<std::uint8_t> png;
-  if (picture.empty() || !cv::imencode(".png", picture, png)) {
-    return fail(Fault::io, path + ": the picture cannot be made a PNG");
+/// As the ending `kind` says, with OpenCV's parameters for it.
+Result<void> save(const std::string& path, const cv::Mat& picture,
+                  const std::string& kind = ".png",
+                  const std::vector<int>& parameters = {}) {
+  std::vector<std::uint8_t> bytes;
+  if (picture.empty() || !cv::imencode(kind, picture, bytes, parameters)) {
+    return fail(Fault::io, path + ": the picture cannot be made a " + kind);
   }
-  return write_file(path, {reinterpret_cast<const char*>(png.data()), png.size()});
+  return write_file(path, {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
 }
 
 Image from_mat(const cv::Mat& mat) {
@@ -138,6 +141,11 @@ Result<void> save_png(const std::string& path, const DepthView& depth) {
   return save(path, cv::Mat(depth.height, depth.width, CV_16UC1,
                             const_cast<std::uint16_t*>(depth.data),
                             static_cast<std::size_t>(depth.stride) * 2));
+}
+
+Result<void> save_jpeg(const std::string& path, const ImageView& image, int quality) {
+  if (image.empty()) return fail(Fault::io, path + ": the picture is empty");
+  return save(path, as_mat(image), ".jpg", {cv::IMWRITE_JPEG_QUALITY, quality});
 }
 
 Image copy_of(const ImageView& image, Channels channels) {

@@ -47,6 +47,8 @@ Result<DepthImage> load_depth(const std::string& path);
 /// Complete or not at all.
 Result<void> save_png(const std::string& path, const ImageView& image);
 Result<void> save_png(const std::string& path, const DepthView& depth);
+/// @pre quality in [1, 100]
+Result<void> save_jpeg(const std::string& path, const ImageView& image, int quality);
 
 /// A copy that owns its pixels.
 Image copy_of(const ImageView& image, Channels channels = Channels::as_stored);

@@ -5,8 +5,13 @@
 namespace alight {
 
 Result<void> CameraSimConfig::validate() const {
+  for (const double gain : led_gain) {
+    if (auto good = check_bounds({{"camera.led_gain", gain, 0, 100}}); !good)
+      return good;
+  }
   return check_bounds({{"camera.exposure_ms", exposure_ms, 0, 100},
                        {"camera.noise", noise, 0, 20},
+                       {"camera.shot_noise", shot_noise, 0, 20},
                        {"camera.dark_level", dark_level, 0, 128},
                        {"camera.read_noise_sd", read_noise_sd, 0, 20},
                        {"camera.psf_sd_px", psf_sd_px, 0.3, 10},

@@ -1,5 +1,8 @@
 #pragma once
+#include <array>
+
 #include "alight/base/result.h"
+#include "alight/geometry/led_frame.h"
 
 namespace alight {
 
@@ -7,6 +10,7 @@ namespace alight {
 struct CameraSimConfig {
   double exposure_ms = 0;      ///< 0: as the rig says. Brightness is linear in it.
   double noise = 1;            ///< Scale of read and shot noise; 0 is none.
+  double shot_noise = 1;       ///< Scale of shot noise alone, on top of `noise`.
   double dark_level = 4;       ///< Mean of the unlit picture, counts.
   double read_noise_sd = 1.5;  ///< Counts, at noise 1.
 
@@ -16,6 +20,8 @@ struct CameraSimConfig {
   double led_peak_max = 2000;      ///< What the camera's own settings hold it down to.
   double led_half_power_deg = 60;  ///< Off the LED's axis, +x of B.
   double led_brightness_spread = 0.15;  ///< sd of the logarithm, drawn per LED.
+  /// Factor on the brightness of each LED; 0 is a dead one.
+  std::array<double, kMaxLeds> led_gain = all_leds(1);
   double halo = 0.04;  ///< Height of the coloured halo, share of the core.
   double halo_sd_px = 2.4;
   bool hidden_by_body = true;  ///< Hull, arms and propellers hide LEDs.
@@ -32,6 +38,12 @@ struct CameraSimConfig {
 
   /// Names the first field out of range, its value and its bounds.
   Result<void> validate() const;
+
+  static constexpr std::array<double, kMaxLeds> all_leds(double gain) {
+    std::array<double, kMaxLeds> gains{};
+    gains.fill(gain);
+    return gains;
+  }
 };
 
 }  // namespace alight

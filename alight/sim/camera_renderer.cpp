@@ -97,6 +97,10 @@ Result<CameraRenderer> CameraRenderer::create(const CameraSimConfig& config,
       std::make_unique<Parts>(config, true_rig, Rng(seed).fork("camera")));
 }
 
+void CameraRenderer::add_light(const RoomLight& light) {
+  parts_->lights.push_back(light);
+}
+
 Result<void> CameraRenderer::render(std::uint64_t frame_index,
                                     std::span<const SceneAt> exposure,
                                     ColorBuffer& color, DepthBuffer* depth,

@@ -18,6 +18,8 @@ struct SceneAt {
   Pose X_NB = Pose::Identity();
 };
 
+struct RoomLight;
+
 /// A colour picture that owns its pixels: interleaved blue, green, red.
 struct ColorBuffer {
   std::vector<std::uint8_t> pixels;
@@ -53,6 +55,9 @@ class CameraRenderer {
   ~CameraRenderer();
   CameraRenderer(CameraRenderer&&) noexcept;
   CameraRenderer& operator=(CameraRenderer&&) noexcept;
+
+  /// One light more in the room, beside those that the configuration asks for.
+  void add_light(const RoomLight& light);
 
   /// Renders one frame; the buffers are resized on first use and reused after.
   ///

@@ -117,7 +117,8 @@ LedView::LedView(const CameraSimConfig& config, const Rig& true_rig, Rng rng)
   const Vector3 p_NC = true_rig.camera.X_NC.translation();
   std::erase_if(opaque_, [&](const Obstacle& o) { return inside(p_NC, o); });
   for (int i = 0; i < true_rig.leds.size(); ++i) {
-    strength_.push_back(std::exp(config.led_brightness_spread * rng.normal()));
+    strength_.push_back(config.led_gain[static_cast<std::size_t>(i)] *
+                        std::exp(config.led_brightness_spread * rng.normal()));
   }
 }
 

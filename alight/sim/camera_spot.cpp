@@ -81,7 +81,8 @@ std::array<float, 3> sensor_response(LedColor color) {
 
 SpotPainter::SpotPainter(const CameraSimConfig& config, Rng rng)
     : halo_sd_px_(config.halo_sd_px),
-      shot_(static_cast<float>(config.noise * std::sqrt(kShotPerCount))),
+      shot_(static_cast<float>(config.noise * config.shot_noise *
+                               std::sqrt(kShotPerCount))),
       normal_(kNormals) {
   for (float& n : normal_) n = static_cast<float>(rng.normal());
 }
