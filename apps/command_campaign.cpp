@@ -1,5 +1,7 @@
 #include <unistd.h>
 
+#include <algorithm>
+#include <cctype>
 #include <cstdio>
 #include <filesystem>
 #include <iostream>
@@ -11,8 +13,11 @@
 #include "alight/io/rig_yaml.h"
 #include "alight/io/text.h"
 #include "alight/run/campaign.h"
+#include "alight/run/campaign_compare.h"
+#include "alight/run/campaign_pictures.h"
 #include "alight/run/campaign_store.h"
 #include "alight/run/campaign_summary.h"
+#include "alight/run/fault_grid.h"
 #include "alight/run/scenario_yaml.h"
 #include "checks.h"
 #include "command.h"
@@ -25,6 +30,10 @@ namespace {
 struct Settings {
   std::vector<std::string> scenarios;
   std::string rig, out, profile = "default";
+  std::string faults, plots;
+  std::vector<std::string> only_faults;
+  std::vector<double> at_s = {0.5, 1.2, 1.8, 2.5, 4, 6, 7.6, 8.6, 9.3, 9.9};
+  bool pairs = false;
   int seeds = 20;
   std::int64_t first_seed = 1;
   int jobs = 0;
@@ -50,6 +59,34 @@ std::string stem(const std::string& path) {
   return std::filesystem::path(path).stem().string();
 }
 
+/// Every scenario with every fault that is asked for, at every instant.
+Result<void> put_faults(const Settings& settings, CampaignOptions& options) {
+  auto cases = load_fault_cases(settings.faults);
+  if (!cases) return fail(cases.error());
+  FaultGrid grid{.cases = {}, .at_s = settings.at_s, .pairs = settings.pairs};
+  std::vector<std::string> known;
+  for (const FaultCase& one : *cases) known.push_back(one.name);
+  for (const std::string& name : settings.only_faults) {
+    if (std::find(known.begin(), known.end(), name) != known.end()) continue;
+    const std::string near = nearest_key(name, known);
+    return fail(
+        Fault::invalid_config,
+        settings.faults + ": holds no fault " + alight::quoted(name) +
+            (near.empty() ? "" : "; did you mean " + alight::quoted(near) + "?"));
+  }
+  for (const FaultCase& one : *cases) {
+    const auto& only = settings.only_faults;
+    if (only.empty() || std::find(only.begin(), only.end(), one.name) != only.end()) {
+      grid.cases.push_back(one);
+    }
+  }
+  options.scenarios = apply_faults(options.scenarios, grid);
+  if (options.scenarios.empty()) {
+    return fail(Fault::invalid_config, "--pairs needs two faults at least");
+  }
+  return {};
+}
+
 Result<CampaignOptions> options_of(const Settings& settings) {
   CampaignOptions options;
   options.rig = alan_rig();
@@ -71,6 +108,9 @@ Result<CampaignOptions> options_of(const Settings& settings) {
     }
     options.scenarios.push_back({file, *scenario});
   }
+  if (!settings.faults.empty()) {
+    if (auto good = put_faults(settings, options); !good) return fail(good.error());
+  }
   options.profile = settings.profile == "paper" ? Profile::paper : Profile::standard;
   options.first_seed = static_cast<std::uint64_t>(settings.first_seed);
   options.seeds = settings.seeds;
@@ -82,15 +122,38 @@ Result<CampaignOptions> options_of(const Settings& settings) {
   return options;
 }
 
+/// A name for files: letters, digits and what does not trouble a shell.
+std::string slug(const std::string& name) {
+  std::string text;
+  for (const char c : name) {
+    const bool plain = std::isalnum(static_cast<unsigned char>(c)) || c == '.';
+    if (plain) {
+      text += c;
+    } else if (!text.empty() && text.back() != '_') {
+      text += '_';
+    }
+  }
+  return text;
+}
+
+/// What `alight land` is given for this scenario: the file it came from, or one that is
+/// written for it when the campaign made it up.
+std::string scenario_file(const Settings& settings, const CampaignScenario& scenario) {
+  if (scenario.fault.empty() && !settings.perfect_rig) return scenario.name;
+  std::string name = stem(scenario.name);
+  if (!scenario.fault.empty()) {
+    const std::size_t end = scenario.name.find(" + ");
+    name = stem(scenario.name.substr(0, end)) + slug(scenario.name.substr(end));
+  }
+  if (settings.perfect_rig) name += "_perfect_rig";
+  return "runs/" + std::string(scenario.fault.empty() ? "" : "faults/") + name +
+         ".yaml";
+}
+
 /// The line that flies this landing again and records it.
 std::string land_command(const Settings& settings, const CampaignScenario& scenario,
                          std::uint64_t seed) {
-  std::string file = scenario.name;
-  std::string name = stem(scenario.name);
-  if (settings.perfect_rig) {
-    name += "_perfect_rig";
-    file = "runs/" + name + ".yaml";
-  }
+  const std::string file = scenario_file(settings, scenario);
   std::string line = "alight land --scenario " + file;
   if (!settings.rig.empty()) line += " --rig " + settings.rig;
   if (settings.profile != "default") line += " --profile " + settings.profile;
@@ -98,15 +161,10 @@ std::string land_command(const Settings& settings, const CampaignScenario& scena
     line += " --timeout " + number_text(settings.timeout_s);
   }
   if (!settings.depth) line += " --no-depth";
+  std::string name = stem(file);
   if (settings.profile != "default") name += "_" + settings.profile;
   const std::string number = std::to_string(seed);
   return line + " --seed " + number + " --out runs/" + name + "-" + number;
-}
-
-/// `alight land` has no --perfect-rig: it gets the scenario as a file.
-Result<void> save_perfect(const CampaignScenario& scenario) {
-  return write_file("runs/" + stem(scenario.name) + "_perfect_rig.yaml",
-                    scenario_text(scenario.scenario));
 }
 
 Json as_json(const Spread& s) {
@@ -149,6 +207,16 @@ Json as_json(const CampaignSummary& s) {
   return j;
 }
 
+Json as_json(const FaultSummary& s) {
+  return {{"fault", s.fault},
+          {"runs", s.runs},
+          {"wrong", s.wrong},
+          {"outcomes", s.outcomes},
+          {"reasons", s.reasons},
+          {"drift_max_m", number_or_null(s.drift_max_m)},
+          {"sink_max_m_s", number_or_null(s.sink_max_m_s)}};
+}
+
 void show_progress(const CampaignProgress& p) {
   std::fprintf(stderr, "\r%d of %d landings, %d landed ", p.done, p.total, p.landed);
   if (p.done == p.total) std::fprintf(stderr, "\r\033[K");
@@ -163,30 +231,54 @@ Result<void> campaign(const Settings& settings) {
   const auto result = run_campaign(*options, progress);
   if (!result) return fail(result.error());
 
+  const bool of_faults = !settings.faults.empty();
   const std::vector<CampaignSummary> summaries = summarize(*options, *result);
-  Json scenarios = Json::array();
-  for (const CampaignSummary& summary : summaries)
-    scenarios.push_back(as_json(summary));
+  const std::vector<FaultSummary> faults = summarize_faults(*options, *result);
+  Json scenarios = Json::array(), fault_rows = Json::array(), wrong = Json::array();
+  if (!of_faults) {
+    for (const CampaignSummary& s : summaries) scenarios.push_back(as_json(s));
+  }
+  for (const FaultSummary& s : faults) fault_rows.push_back(as_json(s));
   if (!settings.json) {
-    for (const CampaignSummary& s : summaries) std::cout << summary_text(s);
+    if (of_faults) std::cout << fault_table(faults);
+    for (const CampaignSummary& s : summaries) {
+      if (!of_faults) std::cout << summary_text(s);
+    }
   }
 
+  // Of faults, those that ended as they should not; else all that did not land.
   for (const CampaignRun& run : result->runs) {
-    if (run.result.outcome == Outcome::landed) continue;
     const CampaignScenario& scenario = options->scenarios[run.scenario];
-    if (settings.perfect_rig) {
-      if (auto good = save_perfect(scenario); !good) return good;
+    const Outcome outcome = run.result.outcome;
+    if (of_faults ? ended_well(scenario, outcome) : outcome == Outcome::landed) {
+      continue;
+    }
+    const std::string file = scenario_file(settings, scenario);
+    if (file != scenario.name) {
+      auto good = write_file(file, scenario_text(scenario.scenario));
+      if (!good) return good;
     }
     const std::string line = land_command(settings, scenario, run.seed);
-    scenarios[run.scenario]["not_landed"].push_back(
-        {{"seed", run.seed},
-         {"outcome", to_string(run.result.outcome)},
-         {"reason", run.result.reason},
-         {"command", line}});
-    if (!settings.json) {
-      std::cout << line << "   # " << to_string(run.result.outcome) << ": "
-                << run.result.reason << '\n';
+    Json entry{{"seed", run.seed},
+               {"outcome", to_string(outcome)},
+               {"reason", run.result.reason},
+               {"command", line}};
+    if (of_faults) {
+      entry["scenario"] = scenario.name;
+      wrong.push_back(std::move(entry));
+    } else {
+      scenarios[run.scenario]["not_landed"].push_back(std::move(entry));
     }
+    if (!settings.json) {
+      std::cout << line << "   # " << to_string(outcome) << ": " << run.result.reason
+                << '\n';
+    }
+  }
+  std::vector<std::string> pictures;
+  if (!settings.plots.empty()) {
+    auto saved = save_campaign_pictures(settings.plots, *options, *result);
+    if (!saved) return fail(saved.error());
+    pictures = std::move(*saved);
   }
   if (settings.json) {
     const Json document{{"version", options->version},
@@ -196,13 +288,84 @@ Result<void> campaign(const Settings& settings) {
                         {"seeds", settings.seeds},
                         {"timeout_s", settings.timeout_s},
                         {"from_store", result->from_store},
-                        {"scenarios", scenarios}};
+                        {"scenarios", scenarios},
+                        {"faults", fault_rows},
+                        {"wrong", wrong},
+                        {"pictures", pictures}};
     std::cout << document.dump(2) << '\n';
   } else if (!options->store.empty()) {
     std::cout << "results in " << options->store << " (" << result->from_store
               << " were there already)\n";
   }
+  if (!settings.json) {
+    for (const std::string& picture : pictures) std::cout << picture << '\n';
+  }
   return {};
+}
+
+struct CompareSettings {
+  CampaignSide a, b;
+  bool json = false;
+};
+
+Json as_json(const PairedFigure& f) {
+  return {{"figure", f.name},
+          {"pairs", f.pairs},
+          {"median_a", number_or_null(f.median_a)},
+          {"median_b", number_or_null(f.median_b)},
+          {"median_difference", number_or_null(f.difference)},
+          {"low", number_or_null(f.interval.low)},
+          {"high", number_or_null(f.interval.high)}};
+}
+
+Result<void> compare(const CompareSettings& settings) {
+  const auto result = compare_campaigns(settings.a, settings.b);
+  if (!result) return fail(result.error());
+  if (!settings.json) {
+    std::cout << comparison_text(*result);
+    return {};
+  }
+  Json scenarios = Json::array();
+  for (const CampaignComparison& c : *result) {
+    Json figures = Json::array();
+    for (const PairedFigure& f : c.figures) figures.push_back(as_json(f));
+    scenarios.push_back({{"scenario", c.scenario},
+                         {"pairs", c.landed.pairs()},
+                         {"both_landed", c.landed.both},
+                         {"only_a_landed", c.landed.only_a},
+                         {"only_b_landed", c.landed.only_b},
+                         {"neither_landed", c.landed.neither},
+                         {"mcnemar_p", c.landed.p},
+                         {"difference_b_less_a", c.landed.difference},
+                         {"difference_low", c.landed.interval.low},
+                         {"difference_high", c.landed.interval.high},
+                         {"alone_a", c.alone_a},
+                         {"alone_b", c.alone_b},
+                         {"figures", figures}});
+  }
+  std::cout << Json{{"scenarios", scenarios}}.dump(2) << '\n';
+  return {};
+}
+
+void add_compare(CLI::App& campaign, Job& job) {
+  auto settings = std::make_shared<CompareSettings>();
+  CLI::App* command = campaign.add_subcommand(
+      "compare", "Two stores, landing by landing: what B does better or worse than A");
+  command->add_option("A", settings->a.store, "Store, FILE.sqlite")->required();
+  command->add_option("B", settings->b.store, "Store; may be the same")->required();
+  const auto choose = [&](const std::string& side, CampaignSide& of) {
+    command->add_option("--profile-" + side, of.profile,
+                        "Only landings of this profile");
+    command->add_option("--version-" + side, of.version,
+                        "Only of the program whose version begins so");
+    command->add_option("--scenario-" + side, of.scenario,
+                        "Only of this scenario, whatever the other is called");
+  };
+  choose("a", settings->a);
+  choose("b", settings->b);
+  command->add_flag("--json", settings->json, "One JSON document");
+  command->callback(
+      [settings, &job] { job = [settings] { return compare(*settings); }; });
 }
 
 }  // namespace
@@ -211,8 +374,9 @@ void add_campaign(CLI::App& app, Job& job) {
   auto settings = std::make_shared<Settings>();
   CLI::App* command =
       app.add_subcommand("campaign", "Many simulated landings with statistics");
-  command->add_option("--scenario", settings->scenarios, "Scenario files, repeatable")
-      ->required();
+  command->require_subcommand(0, 1);
+  add_compare(*command, job);
+  command->add_option("--scenario", settings->scenarios, "Scenario files, repeatable");
   command->add_option("--seeds", settings->seeds, "Landings of each scenario")
       ->check(CLI::Range(1, 1'000'000))
       ->capture_default_str();
@@ -234,11 +398,31 @@ void add_campaign(CLI::App& app, Job& job) {
       ->add_option("--out", settings->out,
                    "Store that is gone on with: FILE.sqlite, or a folder for one")
       ->check(named());
+  command->add_option(
+      "--faults", settings->faults,
+      "File of faults (config/faults/matrix.yaml): each at each instant");
+  command->add_option("--fault", settings->only_faults,
+                      "Of these only the one of this name, repeatable");
+  command->add_option("--at", settings->at_s, "The instants, s from the start")
+      ->delimiter(',')
+      ->check(finite() & CLI::Range(0.0, 3600.0));
+  command->add_flag("--pairs", settings->pairs,
+                    "Each two faults once, the instants in turn");
+  command->add_option("--plots", settings->plots, "Folder for pictures of the results")
+      ->check(named());
   command->add_option("--timeout", settings->timeout_s, "Simulated seconds at most")
       ->check(finite() & CLI::Range(1.0, 3600.0))
       ->capture_default_str();
   command->add_flag("!--no-depth", settings->depth, "Do not render depth pictures");
   command->add_flag("--json", settings->json, "One JSON document");
-  command->callback(
-      [settings, &job] { job = [settings] { return campaign(*settings); }; });
+  command->callback([settings, command, &job] {
+    if (!command->get_subcommands().empty()) return;
+    if (settings->scenarios.empty()) throw CLI::RequiredError("--scenario");
+    const bool grid =
+        settings->pairs || !settings->only_faults.empty() || command->count("--at") > 0;
+    if (grid && settings->faults.empty()) {
+      throw CLI::ValidationError("--fault, --at and --pairs need --faults FILE");
+    }
+    job = [settings] { return campaign(*settings); };
+  });
 }

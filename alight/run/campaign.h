@@ -13,6 +13,8 @@ namespace alight {
 struct CampaignScenario {
   std::string name;
   Scenario scenario;
+  std::string fault = {};          ///< Of a grid of faults: which (fault_grid.h),
+  std::vector<Outcome> ends = {};  ///< and how it may end; empty: any but a crash.
 };
 
 /// Many landings: every scenario with every seed of

@@ -81,6 +81,11 @@ void bind_to(sqlite3_stmt* s, const CampaignKey& key) {
   bind_to(s, 8, key.version);
 }
 
+Error unreadable(const std::string& file, const CampaignKey& key, const Error& why) {
+  return {Fault::io, file + ": " + key.scenario + ", seed " + std::to_string(key.seed) +
+                         ": " + why.detail + ": move the file away or name another"};
+}
+
 /// A store's file is empty, or marked as ours.
 Result<void> lay_out(const std::string& file, sqlite3* db) {
   const auto id = pragma(file, db, "PRAGMA application_id");
@@ -146,6 +151,11 @@ Result<LandingResult> result_from_json(const std::string& text) {
           number(down, "relative_speed_m_s"), number(down, "tilt_deg"),
           number(down, "yaw_error_deg")};
     }
+    if (j.contains("lost_link") && !j.at("lost_link").is_null()) {
+      const Json& lost = j.at("lost_link");
+      r.lost_link =
+          LandingResult::LostLink{number(lost, "drift_m"), number(lost, "sink_m_s")};
+    }
     r.tracking_rmse_m = number(j, "tracking_rmse_m");
     r.follow_rmse_m = number(j, "follow_rmse_m");
     const Json& estimate = j.at("estimate");
@@ -199,12 +209,37 @@ Result<std::optional<LandingResult>> CampaignStore::find(const CampaignKey& key)
   const auto* text =
       reinterpret_cast<const char*>(sqlite3_column_text(statement->get(), 0));
   auto result = result_from_json(text != nullptr ? text : "");
-  if (!result) {
-    return fail(Fault::io, file_ + ": " + key.scenario + ", seed " +
-                               std::to_string(key.seed) + ": " + result.error().detail +
-                               ": move the file away or name another");
-  }
+  if (!result) return fail(unreadable(file_, key, result.error()));
   return std::optional<LandingResult>(std::move(*result));
+}
+
+Result<std::vector<StoredLanding>> CampaignStore::all() {
+  auto statement = prepare(file_, db_.get(),
+                           "SELECT scenario, scenario_hash, rig_hash, profile, seed, "
+                           "timeout_s, depth, version, result FROM landing");
+  if (!statement) return fail(statement.error());
+  sqlite3_stmt* row = statement->get();
+  const auto text = [&](int column) -> std::string {
+    const auto* bytes = reinterpret_cast<const char*>(sqlite3_column_text(row, column));
+    return bytes != nullptr ? bytes : "";
+  };
+  std::vector<StoredLanding> landings;
+  for (;;) {
+    const int code = sqlite3_step(row);
+    if (code == SQLITE_DONE) return landings;
+    if (code != SQLITE_ROW) return fail(trouble(file_, db_.get()));
+    const CampaignKey key{text(0),
+                          text(1),
+                          text(2),
+                          text(3),
+                          static_cast<std::uint64_t>(sqlite3_column_int64(row, 4)),
+                          sqlite3_column_double(row, 5),
+                          sqlite3_column_int(row, 6) != 0,
+                          text(7)};
+    auto result = result_from_json(text(8));
+    if (!result) return fail(unreadable(file_, key, result.error()));
+    landings.push_back({key, std::move(*result)});
+  }
 }
 
 Result<void> CampaignStore::insert(const CampaignKey& key,

@@ -4,6 +4,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "alight/base/result.h"
 #include "alight/run/landing_run.h"
@@ -23,6 +24,11 @@ struct CampaignKey {
   std::string version;
 };
 
+struct StoredLanding {
+  CampaignKey key;
+  LandingResult result;
+};
+
 /// 16 hexadecimal digits that stand for a text (FNV-1a; no protection against malice).
 std::string content_hash(std::string_view text);
 
@@ -40,6 +46,8 @@ class CampaignStore {
   static Result<CampaignStore> open(const std::string& file);
 
   Result<std::optional<LandingResult>> find(const CampaignKey& key);
+  /// Every landing, by scenario, then as it comes.
+  Result<std::vector<StoredLanding>> all();
   Result<void> insert(const CampaignKey& key, const LandingResult& result);
 
  private:

@@ -10,6 +10,7 @@
 #include "alight/eval/statistics.h"
 #include "alight/planning/planner.h"
 #include "alight/run/timing_probe.h"
+#include "alight/sim/camera_faults.h"
 #include "alight/sim/camera_renderer.h"
 
 namespace alight {
@@ -20,6 +21,7 @@ constexpr double kHardContact = 0.8;  // m/s, CONTRACT
 constexpr double kTrackedM = 0.15;    // CONTRACT: tracked
 constexpr double kTrackedRad = 15 * kDegree;
 constexpr Seconds kRestAfterStop = 1.0;
+constexpr std::size_t kCameraBuffers = 8;  // pictures that wait; then the oldest goes
 
 /// A picture taken, on its way to the brain.
 struct Exposure {
@@ -29,6 +31,8 @@ struct Exposure {
   std::array<SceneAt, 3> scene;
   SceneAt depth_scene;
   TruthState truth;
+  PictureTrouble trouble;
+  bool has_depth = true;
 };
 
 struct Squares {
@@ -65,6 +69,7 @@ class Tally {
     if (contact.flown && !contact.touched_down) {
       drone_speed_ = std::max(drone_speed_, truth.v_IB.norm());
     }
+    lost_link(truth, contact);
     if (!out.trace.reference_valid) return;
     const double square =
         (truth.X_NB.translation() - out.trace.reference.p_NB).squaredNorm();
@@ -81,7 +86,21 @@ class Tally {
     }
   }
 
+  void lost_link(const TruthState& truth, const ContactReport& contact) {
+    const bool alone = truth.mode == AutopilotMode::failsafe && contact.flown &&
+                       contact.feet_on_pad + contact.feet_on_floor == 0;
+    if (alone && !alone_) alone_from_ = truth.X_IB.translation().head<2>();
+    alone_ = alone;
+    if (!alone) return;
+    const double way = (truth.X_IB.translation().head<2>() - alone_from_).norm();
+    const double sink = -truth.v_IB.z();
+    if (!lost_link_) lost_link_ = {0, 0};
+    lost_link_->drift_m = std::max(lost_link_->drift_m, way);
+    lost_link_->sink_m_s = std::max(lost_link_->sink_m_s, sink);
+  }
+
   void report(LandingResult& r) const {
+    r.lost_link = lost_link_;
     r.tracking_rmse_m = tracking_.root();
     r.follow_rmse_m = follow_.root();
     r.estimate.position_rmse_m = position_.root();
@@ -95,6 +114,9 @@ class Tally {
   }
 
  private:
+  bool alone_ = false;
+  Vector2 alone_from_ = Vector2::Zero();
+  std::optional<LandingResult::LostLink> lost_link_;
   bool begun_ = false;
   int frames_ = 0, tracked_ = 0;
   Squares position_, rotation_, velocity_, nees_, tracking_, follow_;
@@ -174,7 +196,8 @@ class Loop {
         renderer_(std::move(renderer)),
         depth_offset_(depth_offset),
         brain_(std::move(brain)),
-        planner_(std::move(planner)) {
+        planner_(std::move(planner)),
+        camera_faults_(options.scenario.faults, Rng(options.seed).fork("picture")) {
     events_.reserve(256);
   }
 
@@ -182,6 +205,7 @@ class Loop {
 
  private:
   Result<void> take_pictures(Time now);
+  void hand_over(Exposure e);
   Result<void> gather(Time now);
   void carry_out(Time now);
   void judge(LandingResult& result) const;
@@ -199,32 +223,65 @@ class Loop {
   Output out_;
   std::vector<Event> events_;
   SensorBatch batch_;
+  CameraFaults camera_faults_;
   std::deque<Exposure> exposures_;
+  std::optional<Exposure> last_good_;
   std::deque<PlanArrival> plans_;
   std::deque<ColorBuffer> colors_;  // of this step's pictures
   std::deque<DepthBuffer> depths_;
   std::vector<TruthState> frame_truth_;
   std::uint64_t next_picture_ = 0;
   bool said_go_ = false;
+  bool said_hold_ = false;
   bool was_lost_link_ = false;
   Time stopped_at_ = -1;
 };
 
 Result<void> Loop::take_pictures(Time now) {
   const double period = 1 / options_.rig.timing.rate_hz;
-  const Time half = from_seconds(0.5e-3 * options_.rig.timing.exposure_ms);
   for (;;) {
     const Time t = from_seconds((static_cast<double>(next_picture_) + 0.5) * period);
+    const PictureTrouble trouble = camera_faults_.at(t, next_picture_);
+    // What is asked for beyond the longest exposure is gain.
+    const double exposure_s = std::min(
+        1e-3 * options_.rig.timing.exposure_ms * trouble.exposure_factor, period);
+    const Time half = from_seconds(0.5 * exposure_s);
     if (t + std::max(half, depth_offset_) > now) return {};
     Exposure e;
     e.index = next_picture_++;
+    e.trouble = trouble;
     e.captured = t;
     e.received = t + from_seconds(1e-3 * options_.rig.timing.frame_to_use_ms);
     e.truth = world_->truth_at(t);
     e.scene = {scene(world_->truth_at(t - half)), scene(e.truth),
                scene(world_->truth_at(t + half))};
     e.depth_scene = scene(world_->truth_at(t + depth_offset_));
-    if (!world_->fault_active(FaultKind::camera_out, t)) exposures_.push_back(e);
+    hand_over(e);
+  }
+}
+
+void Loop::hand_over(Exposure e) {
+  const Time t = e.captured;
+  if (world_->fault(FaultKind::camera_out, t) != nullptr) return;
+  if (world_->fault(FaultKind::camera_freeze, t) == nullptr) {
+    last_good_ = e;
+  } else if (last_good_) {  // the same index draws the same pixels
+    e.index = last_good_->index;
+    e.scene = last_good_->scene;
+    e.depth_scene = last_good_->depth_scene;
+    e.trouble = last_good_->trouble;
+  }
+  e.has_depth = world_->fault(FaultKind::depth_out, t) == nullptr;
+  if (const auto* late = world_->fault(FaultKind::camera_late, t)) {
+    e.received += from_seconds(1e-3 * late->late_ms);
+  }
+  if (!exposures_.empty()) {
+    e.received = std::max(e.received, exposures_.back().received);
+  }
+  exposures_.push_back(e);
+  if (world_->fault(FaultKind::camera_repeat, t) != nullptr) {
+    e.received += from_seconds(1 / options_.rig.timing.rate_hz);
+    exposures_.push_back(e);
   }
 }
 
@@ -239,6 +296,11 @@ Result<void> Loop::gather(Time now) {
   for (const auto& e : batch_.link) events_.emplace_back(e);
   std::size_t used = 0;
   while (!exposures_.empty() && exposures_.front().received <= now) {
+    if (exposures_.size() > kCameraBuffers &&
+        exposures_[kCameraBuffers].received <= now) {
+      exposures_.pop_front();
+      continue;
+    }
     const Exposure& e = exposures_.front();
     if (colors_.size() <= used) {
       colors_.emplace_back();
@@ -246,14 +308,16 @@ Result<void> Loop::gather(Time now) {
     }
     ColorBuffer& color = colors_[used];
     DepthBuffer& depth = depths_[used];
-    const auto rendered = renderer_.render(
-        e.index, e.scene, color, options_.depth ? &depth : nullptr, &e.depth_scene);
+    const bool with_depth = options_.depth && e.has_depth;
+    const auto rendered =
+        renderer_.render(e.index, e.scene, color, with_depth ? &depth : nullptr,
+                         &e.depth_scene, &e.trouble);
     if (!rendered) return fail(rendered.error());
     CameraFrame frame;
     frame.captured = e.captured;
     frame.received = e.received;
     frame.color = color.view();
-    if (options_.depth) frame.depth = depth.view();
+    if (with_depth) frame.depth = depth.view();
     if (observer_ != nullptr) observer_->on_picture(frame);
     events_.emplace_back(frame);
     frame_truth_.push_back(e.truth);
@@ -268,6 +332,10 @@ Result<void> Loop::gather(Time now) {
     said_go_ = true;
     events_.emplace_back(OperatorInput{now, now, OperatorWish::go});
   }
+  if (!said_hold_ && to_seconds(now) >= options_.hold_at_s) {
+    said_hold_ = true;
+    events_.emplace_back(OperatorInput{now, now, OperatorWish::hold});
+  }
   return {};
 }
 
@@ -281,7 +349,10 @@ void Loop::carry_out(Time now) {
   if (out_.has_plan_request) {
     PlanArrival arrival;
     arrival.result = planner_.plan(out_.plan_request);
-    arrival.received = now + from_seconds(1e-3 * options_.scenario.planner_delay_ms);
+    const auto* late = world_->fault(FaultKind::planner_late, now);
+    const double delay_ms =
+        options_.scenario.planner_delay_ms + (late != nullptr ? late->late_ms : 0);
+    arrival.received = now + from_seconds(1e-3 * delay_ms);
     if (observer_ != nullptr) observer_->on_plan(out_.plan_request, arrival.result);
     plans_.push_back(arrival);
   }
@@ -344,6 +415,7 @@ Result<LandingResult> Loop::run() {
   for (now = period; now <= end; now += period) {
     world_->advance_to(now);
     if (auto good = take_pictures(now); !good) return fail(good.error());
+    if (world_->fault(FaultKind::computer_stall, now) != nullptr) continue;
     if (auto good = gather(now); !good) return fail(good.error());
     const auto step_began = Clock::now();
     brain_.step({now, events_}, out_, &probe_);
@@ -358,6 +430,7 @@ Result<LandingResult> Loop::run() {
         if (at.t != frame.t) continue;
         if (!world_->contact().touched_down) tally_.frame(frame, at);
         if (observer_ != nullptr) observer_->on_frame(frame, at, us);
+        break;  // a picture that came twice has its truth twice
       }
     }
     if (observer_ != nullptr) observer_->on_step(out_, truth, us);

@@ -1,5 +1,6 @@
 #pragma once
 #include <cstdint>
+#include <limits>
 #include <map>
 #include <optional>
 #include <string>
@@ -20,8 +21,9 @@ struct LandingRunOptions {
   std::uint64_t seed = 1;
   double timeout_s = 60;
   double step_ms = 10;
-  double go_at_s = 1;  ///< When the operator says go.
-  bool depth = true;   ///< Render depth pictures too.
+  double go_at_s = 1;  ///< When the operator says go,
+  double hold_at_s = std::numeric_limits<double>::infinity();  ///< and hold.
+  bool depth = true;  ///< Render depth pictures too.
 };
 
 enum class Outcome : std::uint8_t {
@@ -51,6 +53,12 @@ struct LandingResult {
     double t_s, error_m, relative_speed_m_s, tilt_deg, yaw_error_deg;
   };
   std::optional<Touchdown> touchdown;
+  /// While the autopilot acted for want of set-points, up to touch: how far it got over
+  /// the ground from where that began, and how fast it sank.
+  struct LostLink {
+    double drift_m, sink_m_s;
+  };
+  std::optional<LostLink> lost_link;
   double tracking_rmse_m = 0;
   double follow_rmse_m = 0;
   struct Estimate {

@@ -36,6 +36,11 @@ std::string result_json(const LandingResult& r) {
                       {"tilt_deg", number(r.touchdown->tilt_deg)},
                       {"yaw_error_deg", number(r.touchdown->yaw_error_deg)}};
   }
+  j["lost_link"] = nullptr;
+  if (r.lost_link) {
+    j["lost_link"] = {{"drift_m", number(r.lost_link->drift_m)},
+                      {"sink_m_s", number(r.lost_link->sink_m_s)}};
+  }
   j["tracking_rmse_m"] = number(r.tracking_rmse_m);
   j["follow_rmse_m"] = number(r.follow_rmse_m);
   j["estimate"] = {{"position_rmse_m", number(r.estimate.position_rmse_m)},

@@ -31,6 +31,9 @@ void visit(Visitor& v, Scenario& s) {
       sea.field("roll_deg", s.platform.sea.roll_deg);
       sea.field("pitch_deg", s.platform.sea.pitch_deg);
       sea.field("period_s", s.platform.sea.period_s);
+      sea.field("gamma", s.platform.sea.gamma);
+      sea.field("pad_above_m", s.platform.sea.pad_above_m);
+      sea.field("pad_aft_m", s.platform.sea.pad_aft_m);
     });
   });
   v.map("start", [&](auto& m) {
@@ -70,6 +73,9 @@ void visit(Visitor& v, Scenario& s) {
     m.field("heading_drift_deg_min", s.autopilot.heading_drift_deg_min);
     m.field("tilt_error_deg", s.autopilot.tilt_error_deg);
     m.field("external_pose", s.autopilot.external_pose);
+    m.field("link_loss_ms", s.autopilot.link_loss_ms);
+    m.choice("link_loss", s.autopilot.link_loss,
+             {LinkLossAction::land, LinkLossAction::descend, LinkLossAction::drift});
   });
   v.map("rig_error", [&](auto& m) {
     m.field("led_mm", s.rig_error.led_mm);
@@ -84,12 +90,12 @@ void visit(Visitor& v, Scenario& s) {
   });
   v.field("planner_delay_ms", s.planner_delay_ms);
   v.list("faults", s.faults, [](auto& m, FaultScenario& fault) {
-    m.choice("kind", fault.kind,
-             {FaultKind::radio_out, FaultKind::telemetry_out, FaultKind::odometry_out,
-              FaultKind::odometry_jump, FaultKind::camera_out, FaultKind::gust});
+    m.word("kind", fault.kind, kFaultKinds);
     m.field("at_s", fault.at_s);
     m.field("for_s", fault.for_s);
-    m.field("amount", fault.amount);
+    for (const FaultParameter& p : fault_parameters(fault.kind)) {
+      m.field(p.name, fault.*p.value);
+    }
   });
 }
 
@@ -103,21 +109,14 @@ class Reader {
   }
   template <class Enum>
   void choice(const char* key, Enum& value, std::initializer_list<Enum> all) {
-    std::string word = to_string(value);
-    map_.read(key, word);
-    std::vector<std::string> words;
-    for (const Enum e : all) {
-      if (word == to_string(e)) {
-        value = e;
-        return;
-      }
-      words.emplace_back(to_string(e));
-    }
-    const std::string near = nearest_key(word, words);
-    std::string what = alight::quoted(word) + " is not one of";
-    for (const std::string& w : words) what += " " + w;
-    if (!near.empty()) what += "; did you mean " + alight::quoted(near) + "?";
-    map_.complain(key, what);
+    choose(key, value, std::vector<Enum>(all));
+  }
+  /// One of an enumeration's first `count`.
+  template <class Enum>
+  void word(const char* key, Enum& value, int count) {
+    std::vector<Enum> all;
+    for (int k = 0; k < count; ++k) all.push_back(static_cast<Enum>(k));
+    choose(key, value, all);
   }
   template <class Fill>
   void map(const char* key, Fill&& fill) {
@@ -136,6 +135,25 @@ class Reader {
   }
 
  private:
+  /// The first of `all` that the file names; else the nearest is told.
+  template <class Enum>
+  void choose(const char* key, Enum& value, const std::vector<Enum>& all) {
+    std::string word = to_string(value);
+    map_.read(key, word);
+    std::vector<std::string> words;
+    for (const Enum e : all) {
+      if (word == to_string(e)) {
+        value = e;
+        return;
+      }
+      words.emplace_back(to_string(e));
+    }
+    const std::string near = nearest_key(word, words);
+    std::string what = alight::quoted(word) + " is not one of";
+    for (const std::string& w : words) what += " " + w;
+    if (!near.empty()) what += "; did you mean " + alight::quoted(near) + "?";
+    map_.complain(key, what);
+  }
   YamlMap map_;
 };
 
@@ -164,6 +182,10 @@ class Writer {
   }
   template <class Enum>
   void choice(const char* key, Enum& value, std::initializer_list<Enum>) {
+    line(key, to_string(value));
+  }
+  template <class Enum>
+  void word(const char* key, Enum& value, int) {
     line(key, to_string(value));
   }
   template <class Fill>

@@ -53,7 +53,7 @@ void Autopilot::receive(AutopilotOrder order, Time now) {
     case AutopilotOrder::none:
       break;
     case AutopilotOrder::arm:
-      if (armed_ || arming_) break;
+      if (armed_ || arming_ || refuses_) break;
       arming_ = true;
       arming_until_ = now + from_seconds(config_.arming_s);
       told_to_land_ = false;
@@ -85,7 +85,9 @@ void Autopilot::choose_mode(Time now) {
   if (armed_) {
     const bool fresh = any_received_ && setpoint_.kind != Setpoint::Kind::none &&
                        to_seconds(now - last_received_) <= config_.loss_s;
-    if (told_to_land_) {
+    if (held_) {
+      next = AutopilotMode::hold;
+    } else if (told_to_land_) {
       next = AutopilotMode::land;
     } else if (fresh) {
       next = AutopilotMode::offboard;
@@ -94,10 +96,11 @@ void Autopilot::choose_mode(Time now) {
     }
   }
   if (next == mode_) return;
-  const bool landing = next == AutopilotMode::land || next == AutopilotMode::failsafe;
-  if (landing) {
-    land_yaw_ = yaw_of(belief_.R_IF());
+  if (next == AutopilotMode::hold || next == AutopilotMode::land ||
+      next == AutopilotMode::failsafe) {
+    alone_yaw_ = yaw_of(belief_.R_IF());
     still_for_ = 0;
+    on_ground_ = thrust_felt_ < kTouchThrust * hover_share_;
   }
   integral_.setZero();
   mode_ = next;
@@ -123,14 +126,42 @@ RotorShares Autopilot::step(const Sensed& sensed, Time now, Seconds dt) {
     case AutopilotMode::offboard:
       return follow(setpoint_, now, dt);
     case AutopilotMode::land:
+      return land(config_.land_speed_m_s, true, now, dt);
     case AutopilotMode::failsafe:
-      return land(now, dt);
-    case AutopilotMode::manual:
+      return without_setpoints(now, dt);
     case AutopilotMode::hold:
+      if (on_ground_) break;
+      return follow_velocity(Vector3::Zero(), Vector3::Zero(), alone_yaw_,
+                             !belief_.velocity_valid(now), dt);
+    case AutopilotMode::manual:
       break;
   }
+  return idle();
+}
+
+RotorShares Autopilot::idle() {
   thrust_ = config_.idle;
   return {config_.idle, config_.idle, config_.idle, config_.idle};
+}
+
+RotorShares Autopilot::without_setpoints(Time now, Seconds dt) {
+  LinkLossAction action = config_.loss_action;
+  // Its landing mode needs a velocity to start with; else the firmware only descends.
+  if (action == LinkLossAction::land && !config_.belief.external_pose) {
+    action = LinkLossAction::descend;
+  }
+  switch (action) {
+    case LinkLossAction::land:
+      return land(config_.land_speed_m_s, true, now, dt);
+    case LinkLossAction::descend:
+      return land(config_.descend_speed_m_s, false, now, dt);
+    case LinkLossAction::drift:
+      break;
+  }
+  if (on_ground_) return idle();
+  thrust_ = hover_share_;
+  return attitude_.step(belief_.R_IF(), sensed_.w_F,
+                        attitude_for(Vector3::UnitZ(), alone_yaw_), thrust_, dt);
 }
 
 RotorShares Autopilot::follow(const Setpoint& setpoint, Time now, Seconds dt) {
@@ -176,10 +207,11 @@ RotorShares Autopilot::follow_velocity(const Vector3& v_I, const Vector3& a_I,
                         dt);
 }
 
-RotorShares Autopilot::land(Time now, Seconds dt) {
+RotorShares Autopilot::land(double speed, bool disarms, Time now, Seconds dt) {
   const RotorShares shares =
-      follow_velocity(Vector3(0, 0, -config_.land_speed_m_s), Vector3::Zero(),
-                      land_yaw_, !belief_.velocity_valid(now), dt);
+      follow_velocity(Vector3(0, 0, -speed), Vector3::Zero(), alone_yaw_,
+                      !belief_.velocity_valid(now), dt);
+  if (!disarms) return shares;
   const bool at_rest = thrust_ < kTouchThrust * hover_share_ &&
                        std::abs(belief_.v_I().z()) < kTouchSpeed;
   const bool touched = still_for_ > kTouchTime;
@@ -189,9 +221,7 @@ RotorShares Autopilot::land(Time now, Seconds dt) {
     disarm();
     return {};
   }
-  if (!touched) return shares;
-  thrust_ = config_.idle;
-  return {config_.idle, config_.idle, config_.idle, config_.idle};
+  return touched ? idle() : shares;
 }
 
 AutopilotTelemetry Autopilot::telemetry(Time now) {

@@ -7,6 +7,7 @@
 #include "alight/geometry/sensor_events.h"
 #include "alight/sim/attitude_loop.h"
 #include "alight/sim/autopilot_belief.h"
+#include "alight/sim/scenario.h"
 
 namespace alight {
 
@@ -15,7 +16,8 @@ struct AutopilotConfig {
   AttitudeLoopConfig attitude;
   AutopilotBeliefConfig belief;
   double arming_s = 0.3;
-  double loss_s = 0.3;      ///< COM_OF_LOSS_T: set-points older than this are lost.
+  double loss_s = 0.3;  ///< COM_OF_LOSS_T: set-points older than this are lost.
+  LinkLossAction loss_action = LinkLossAction::land;  ///< COM_OBL_RC_ACT and its like
   double velocity_p = 1.8;  ///< MPC_XY_VEL_P_ACC and so on, 1/s
   double velocity_i = 0.4;  ///< 1/s^2
   double velocity_d = 0.2;
@@ -23,6 +25,7 @@ struct AutopilotConfig {
   double velocity_i_z = 2;
   double tilt_max_deg = 35;  ///< In velocity and landing modes.
   double land_speed_m_s = 0.7;
+  double descend_speed_m_s = 0.5;
   double land_disarm_s = 2;  ///< From touch to motors off.
   double idle = 0.05;        ///< Motor share on the ground, armed.
 };
@@ -30,8 +33,9 @@ struct AutopilotConfig {
 /// A flight controller in the manner of PX4 1.16, as seen through its set-points and
 /// its telemetry: attitude and thrust, or velocity, acceleration and heading, are
 /// followed by a cascade that ends at the motors. When set-points stop it lands by
-/// itself, braking over the ground by the pose it was sent; without that pose it levels
-/// and descends.
+/// itself, braking over the ground by the pose it was sent, blind once that is a second
+/// old, and disarms some time after touch. Flown without that pose it levels and
+/// descends, and its motors go on turning; LinkLossAction says what else it may do.
 class Autopilot {
  public:
   Autopilot(const AutopilotConfig& config, const DroneSpec& drone, Rng rng);
@@ -39,6 +43,13 @@ class Autopilot {
   void receive(const Setpoint& setpoint, Time sent, Time now);
   void receive(const ExternalPose& pose, Time now) { belief_.fuse(pose, now); }
   void receive(AutopilotOrder order, Time now);
+
+  /// The safety pilot's switch: it holds its place, deaf to set-points.
+  void hold(bool on) { held_ = on; }
+  /// It will not arm.
+  void refuse(bool on) { refuses_ = on; }
+  /// Its estimator starts anew, off by `turn` rad and `v_I` m/s.
+  void reset(double turn, const Vector3& v_I) { belief_.reset(turn, v_I); }
 
   /// What its sensors feel.
   struct Sensed {
@@ -67,7 +78,9 @@ class Autopilot {
   RotorShares follow(const Setpoint& setpoint, Time now, Seconds dt);
   RotorShares follow_velocity(const Vector3& v_I, const Vector3& a_I, double yaw,
                               bool blind, Seconds dt);
-  RotorShares land(Time now, Seconds dt);
+  RotorShares without_setpoints(Time now, Seconds dt);
+  RotorShares land(double speed, bool disarms, Time now, Seconds dt);
+  RotorShares idle();
 
   AutopilotConfig config_;
   AttitudeLoop attitude_;
@@ -79,6 +92,9 @@ class Autopilot {
   Time arming_until_ = 0;
   bool arming_ = false;
   bool told_to_land_ = false;
+  bool held_ = false;
+  bool refuses_ = false;
+  bool on_ground_ = true;  ///< When it was left alone.
   AutopilotMode mode_ = AutopilotMode::manual;
 
   std::deque<Queued> queue_;  ///< Received, not yet in force.
@@ -91,7 +107,7 @@ class Autopilot {
   double thrust_ = 0;                   ///< Last collective, share.
   double thrust_felt_ = 0;              ///< The same behind the motors' lag.
   double motor_tau_;
-  double land_yaw_ = 0;
+  double alone_yaw_ = 0;  ///< Kept while no set-points are followed.
   Seconds still_for_ = 0;
   Sensed sensed_;
 };

@@ -77,18 +77,27 @@ void AutopilotBelief::fuse(const ExternalPose& pose, Time now) {
   const Vector3 miss = pose.v_IB - then.v_I;
   const double yaw_gain = restart ? 1 : 1 - std::exp(-since / config_.heading_tau_s);
   const double gain = restart ? 1 : 1 - std::exp(-since / config_.velocity_tau_s);
-  const Matrix3 turned = from_rpy(0, 0, yaw_gain * turn);
-  heading_ = wrap_angle(heading_ + yaw_gain * turn);
-  R_IF_ = turned * R_IF_;
-  v_I_ += gain * miss;
-  for (std::size_t i = oldest; i < count_; ++i) {
-    past_[i % kPast].yaw += yaw_gain * turn;
-    past_[i % kPast].v_I += gain * miss;
-  }
+  correct(yaw_gain * turn, gain * miss);
   aligned_ = true;
   resets_ = pose.resets;
   pose_received_ = now;
   pose_captured_ = pose.captured;
+}
+
+void AutopilotBelief::reset(double turn, const Vector3& v_I) {
+  correct(turn, v_I);
+  v_reported_ += v_I;
+}
+
+void AutopilotBelief::correct(double turn, const Vector3& v_I) {
+  heading_ = wrap_angle(heading_ + turn);
+  R_IF_ = from_rpy(0, 0, turn) * R_IF_;
+  v_I_ += v_I;
+  const std::size_t oldest = count_ > kPast ? count_ - kPast : 0;
+  for (std::size_t i = oldest; i < count_; ++i) {
+    past_[i % kPast].yaw += turn;
+    past_[i % kPast].v_I += v_I;
+  }
 }
 
 bool AutopilotBelief::velocity_valid(Time now) const {

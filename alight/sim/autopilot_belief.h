@@ -34,6 +34,9 @@ class AutopilotBelief {
 
   void fuse(const ExternalPose& pose, Time now);
 
+  /// Its estimator starts anew, off by `turn` rad and `v_I` m/s from where it was.
+  void reset(double turn, const Vector3& v_I);
+
   Matrix3 R_IF() const { return R_IF_; }
   const Vector3& v_I() const { return v_reported_; }
   const Vector3& a_I() const { return a_I_; }
@@ -41,6 +44,9 @@ class AutopilotBelief {
   bool velocity_valid(Time now) const;
 
  private:
+  /// Turns and pushes all that is believed, of now and of the past.
+  void correct(double turn, const Vector3& v_I);
+
   struct Past {
     Time t = 0;
     double yaw = 0;

@@ -13,6 +13,7 @@ Result<void> CameraSimConfig::validate() const {
                        {"camera.noise", noise, 0, 20},
                        {"camera.shot_noise", shot_noise, 0, 20},
                        {"camera.dark_level", dark_level, 0, 128},
+                       {"camera.tag_white", tag_white, 0, 255},
                        {"camera.read_noise_sd", read_noise_sd, 0, 20},
                        {"camera.psf_sd_px", psf_sd_px, 0.3, 10},
                        {"camera.led_diameter_mm", led_diameter_mm, 0, 50},

@@ -29,7 +29,9 @@ struct CameraSimConfig {
   int lights = 40;               ///< Bright pieces of ceiling lights in the room.
   double room_radius_m = 10;     ///< The lights lie within it of the origin of I.
   double pad_reflectance = 0.2;  ///< Of the pad at grazing angles; 0 is matt.
-  int jpeg = 0;                  ///< Quality 1 to 100; 0 is uncompressed.
+  /// White paper of a tag on the drone, lit by the room alone, at 2 ms; counts.
+  double tag_white = 45;
+  int jpeg = 0;  ///< Quality 1 to 100; 0 is uncompressed.
 
   double depth_noise = 0.0063;     ///< sd of depth is this times z^2, m.
   double depth_hole_share = 0.25;  ///< Of LED patches without depth.

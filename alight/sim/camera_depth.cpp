@@ -65,12 +65,20 @@ void DepthPainter::fill(const Span& span, float sd, int holes, Rng& rng,
   const std::uint8_t* dice = &dice_[(bits >> 32) % kTable];
   std::uint16_t* row = &out.pixels[static_cast<std::size_t>(span.v * out.width + u0)];
   const auto count = std::min(static_cast<std::size_t>(u1 - u0), kTable);
-  const bool clipped = !(span.mm >= kNearestMm && span.mm <= kFarthestMm);
-  for (std::size_t i = 0; i < count; ++i) {
-    const int mm = static_cast<int>(span.mm + sd * normal[i]);
-    const bool known = !clipped && dice[i] >= holes;
-    row[i] = static_cast<std::uint16_t>(known ? mm : 0);
+  if (!(span.mm >= kNearestMm && span.mm <= kFarthestMm)) {
+    std::fill_n(row, count, std::uint16_t{0});
+    return;
   }
+  const auto draw = [&](std::size_t i) {
+    const int mm = static_cast<int>(span.mm + sd * normal[i]);
+    row[i] = static_cast<std::uint16_t>(mm & -static_cast<int>(dice[i] >= holes));
+  };
+  // Whole grains first: a loop of known length runs four pixels at a time.
+  std::size_t i = 0;
+  for (; i + kStep <= count; i += kStep) {
+    for (std::size_t k = 0; k < kStep; ++k) draw(i + k);
+  }
+  for (; i < count; ++i) draw(i);
 }
 
 void DepthPainter::paint(const Pose& X_NB, const LedView& leds, Rng rng,

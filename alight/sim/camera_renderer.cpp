@@ -2,13 +2,16 @@
 
 #include <algorithm>
 #include <opencv2/imgcodecs.hpp>
+#include <optional>
 #include <string>
 
 #include "alight/sim/camera_background.h"
 #include "alight/sim/camera_depth.h"
+#include "alight/sim/camera_faults.h"
 #include "alight/sim/camera_lights.h"
 #include "alight/sim/camera_sight.h"
 #include "alight/sim/camera_spot.h"
+#include "alight/sim/tag_painter.h"
 
 namespace alight {
 namespace {
@@ -57,7 +60,8 @@ struct CameraRenderer::Parts {
         leds(c, true_rig, rng.fork("leds")),
         lights(make_room_lights(c, rng.fork("lights"))),
         painter(c, rng.fork("shot")),
-        depth(c, true_rig, rng.fork("depth")) {}
+        depth(c, true_rig, rng.fork("depth")),
+        spoiler(rng.fork("spoiler")) {}
 
   void compress(ColorBuffer& color);
 
@@ -70,7 +74,9 @@ struct CameraRenderer::Parts {
   LedView leds;
   std::vector<RoomLight> lights;
   SpotPainter painter;
+  std::optional<TagPainter> tag;
   DepthPainter depth;
+  PictureSpoiler spoiler;
   std::vector<Spot> spots;
   std::vector<std::uint8_t> bytes;
 };
@@ -93,8 +99,13 @@ Result<CameraRenderer> CameraRenderer::create(const CameraSimConfig& config,
   if (auto ok = config.validate(); !ok) return fail(ok.error());
   if (auto ok = true_rig.validate(); !ok) return fail(ok.error());
   if (auto ok = check_size(true_rig.camera.intrinsics); !ok) return fail(ok.error());
-  return CameraRenderer(
-      std::make_unique<Parts>(config, true_rig, Rng(seed).fork("camera")));
+  auto parts = std::make_unique<Parts>(config, true_rig, Rng(seed).fork("camera"));
+  if (true_rig.tag) {
+    auto pattern = tag_pattern(*true_rig.tag);
+    if (!pattern) return fail(pattern.error());
+    parts->tag.emplace(config, true_rig, std::move(*pattern));
+  }
+  return CameraRenderer(std::move(parts));
 }
 
 void CameraRenderer::add_light(const RoomLight& light) {
@@ -104,7 +115,8 @@ void CameraRenderer::add_light(const RoomLight& light) {
 Result<void> CameraRenderer::render(std::uint64_t frame_index,
                                     std::span<const SceneAt> exposure,
                                     ColorBuffer& color, DepthBuffer* depth,
-                                    const SceneAt* depth_scene) {
+                                    const SceneAt* depth_scene,
+                                    const PictureTrouble* trouble) {
   if (exposure.empty() || exposure.size() > kMaxInstants) {
     return fail(Fault::invalid_input, "an exposure needs 1 to 8 instants");
   }
@@ -122,9 +134,25 @@ Result<void> CameraRenderer::render(std::uint64_t frame_index,
   p.spots.clear();
   append_light_spots(p.lights, p.camera, p.lens, p.config.psf_sd_px, p.exposure_scale,
                      exposure, p.spots);
-  p.leds.append_spots(exposure, p.spots);
+  const std::size_t of_leds = p.spots.size();
+  if (trouble != nullptr && !trouble->any) trouble = nullptr;
+  if (trouble == nullptr) {
+    p.leds.append_spots(exposure, p.spots);
+  } else {
+    p.leds.append_spots(exposure, p.spots, trouble->led_gain);
+    for (Spot& spot : p.spots) spot.flux *= trouble->exposure_factor;
+    PictureSpoiler::expose(*trouble, color);
+  }
   Rng shot = frame.fork("shot");
-  for (const Spot& spot : p.spots) p.painter.paint(spot, shot, color);
+  for (std::size_t i = 0; i < of_leds; ++i) p.painter.paint(p.spots[i], shot, color);
+  if (p.tag) {
+    p.tag->paint(exposure, trouble == nullptr ? 1 : trouble->exposure_factor,
+                 frame.fork("tag"), color);
+  }
+  for (std::size_t i = of_leds; i < p.spots.size(); ++i) {
+    p.painter.paint(p.spots[i], shot, color);
+  }
+  if (trouble != nullptr) p.spoiler.spoil(*trouble, frame.fork("trouble"), color);
   if (p.config.jpeg > 0) p.compress(color);
 
   if (depth != nullptr) {
@@ -133,6 +161,7 @@ Result<void> CameraRenderer::render(std::uint64_t frame_index,
     fit(*depth, p.camera.intrinsics, 1);
     p.background.fill(frame.fork("room"), *depth);
     p.depth.paint(scene.X_NB, p.leds, frame.fork("depth"), *depth);
+    if (trouble != nullptr) p.spoiler.spoil(*trouble, *depth);
   }
   return {};
 }

@@ -18,6 +18,7 @@ struct SceneAt {
   Pose X_NB = Pose::Identity();
 };
 
+struct PictureTrouble;
 struct RoomLight;
 
 /// A colour picture that owns its pixels: interleaved blue, green, red.
@@ -65,11 +66,14 @@ class CameraRenderer {
   ///                    exposure, at least 1, at most 8; 2 blur along a straight line.
   /// @param depth       May be null.
   /// @param depth_scene When depth is captured; null: with the middle of the colour.
+  /// @param trouble     What is wrong with the picture (camera_faults.h); null:
+  /// nothing.
   /// @returns invalid_input when a pose is not finite or the number of instants is off;
   ///          the buffers are then untouched.
   Result<void> render(std::uint64_t frame_index, std::span<const SceneAt> exposure,
                       ColorBuffer& color, DepthBuffer* depth = nullptr,
-                      const SceneAt* depth_scene = nullptr);
+                      const SceneAt* depth_scene = nullptr,
+                      const PictureTrouble* trouble = nullptr);
 
  private:
   struct Parts;

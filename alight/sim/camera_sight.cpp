@@ -143,11 +143,16 @@ bool LedView::in_sight(int i, const Pose& X_NB) const {
          !hidden_by_platform(p_NC, X_NB * rig_.leds.p_BL(i));
 }
 
-void LedView::append_spots(std::span<const SceneAt> exposure,
-                           std::vector<Spot>& out) const {
+void LedView::append_spots(std::span<const SceneAt> exposure, std::vector<Spot>& out,
+                           std::span<const double> gain) const {
   for (int i = 0; i < rig_.leds.size(); ++i) {
+    const std::size_t first = out.size();
     append_direct(i, exposure, out);
     if (config_.pad_reflectance > 0) append_mirrored(i, exposure, out);
+    if (gain.empty()) continue;
+    for (std::size_t k = first; k < out.size(); ++k) {
+      out[k].flux *= gain[static_cast<std::size_t>(i)];
+    }
   }
 }
 

@@ -37,8 +37,9 @@ class LedView {
  public:
   LedView(const CameraSimConfig& config, const Rig& true_rig, Rng rng);
 
-  /// Appends the images over an exposure.
-  void append_spots(std::span<const SceneAt> exposure, std::vector<Spot>& out) const;
+  /// Appends the images over an exposure. `gain` of each LED's brightness; none: 1.
+  void append_spots(std::span<const SceneAt> exposure, std::vector<Spot>& out,
+                    std::span<const double> gain = {}) const;
 
   /// Whether light goes straight from LED `i` to the lens.
   bool in_sight(int i, const Pose& X_NB) const;

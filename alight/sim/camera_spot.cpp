@@ -156,19 +156,22 @@ void SpotPainter::expose(const std::array<float, 3>& bgr, const Box& box, Rng& r
   std::size_t draw = rng.bits() % kNormals;
   // So bright that no noise brings it back below 255.
   const float far_beyond = 2 * (255 + 40 * shot_ * shot_);
+  std::array<float, 3> shot;
+  for (std::size_t c = 0; c < 3; ++c) shot[c] = shot_ * std::sqrt(bgr[c]);
   const float* light = light_.data();
   for (int v = box.v0; v < box.v1; ++v) {
     std::uint8_t* pixel =
         &out.pixels[static_cast<std::size_t>((v * out.width + box.u0) * 3)];
     for (int u = box.u0; u < box.u1; ++u, ++light, pixel += 3) {
       if (*light < kFaintest) continue;
+      const float root = std::sqrt(*light);
       for (std::size_t c = 0; c < 3; ++c) {
         const float signal = *light * bgr[c];
         if (signal > far_beyond) {
           pixel[c] = 255;
           continue;
         }
-        const float noise = shot_ * std::sqrt(signal) * normal_[draw];
+        const float noise = shot[c] * root * normal_[draw];
         draw = (draw + 1) % kNormals;
         const float level = static_cast<float>(pixel[c]) + signal + noise + 0.5f;
         pixel[c] = static_cast<std::uint8_t>(std::clamp(level, 0.0f, 255.0f));

@@ -46,7 +46,8 @@ void OdometrySensor::step(const PlatformState& truth, bool silent) {
   v_N.x() *= 1 + scale_;
   // Wheels that slip sideways in a turn do not know it.
   v_N.y() += slip_side_ * truth.v_IN_N.x() * std::clamp(w.z(), -1.0, 1.0);
-  const Vector3 w_N = w + Vector3(0, 0, bias_ + slip_yaw_ * w.z());
+  v_N += drift_N_;
+  const Vector3 w_N = w + Vector3(0, 0, bias_ + slip_yaw_ * w.z() + drift_yaw_);
 
   yaw_error_ += (w_N.z() - w.z()) * dt;
   X_IN_.linear() = from_rpy(0, 0, yaw_error_) * truth.X_IN.linear();
@@ -82,9 +83,9 @@ void OdometrySensor::step(const PlatformState& truth, bool silent) {
   }
 }
 
-void OdometrySensor::jump(const Vector3& p_I) {
+void OdometrySensor::jump(const Vector3& p_I, bool told) {
   X_IN_.translation() += p_I;
-  ++resets_;
+  resets_ += told ? 1 : 0;
 }
 
 bool OdometrySensor::receive(Time now, PlatformOdometry& out) {

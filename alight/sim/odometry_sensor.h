@@ -19,8 +19,14 @@ class OdometrySensor {
   /// The platform's true motion, once per physics step. `silent`: nothing is sent.
   void step(const PlatformState& truth, bool silent = false);
 
-  /// Moves the pose it reports by `p_I` m, and counts a reset.
-  void jump(const Vector3& p_I);
+  /// Moves the pose it reports by `p_I` m; counts a reset if it is `told`.
+  void jump(const Vector3& p_I, bool told = true);
+
+  /// From now on speed and turn are off by this much more, m/s and rad/s.
+  void drift(const Vector3& v_N, double yaw_rate) {
+    drift_N_ = v_N;
+    drift_yaw_ = yaw_rate;
+  }
 
   /// Next event that has been received by `now`; false when there is none.
   bool receive(Time now, PlatformOdometry& out);
@@ -34,6 +40,8 @@ class OdometrySensor {
   Rng rng_;
   double scale_, bias_, slip_yaw_, slip_side_;
   double yaw_error_ = 0;
+  Vector3 drift_N_ = Vector3::Zero();
+  double drift_yaw_ = 0;
   Pose X_IN_;
   Time last_;
   Time next_, next_imu_;

@@ -7,6 +7,14 @@
 namespace alight {
 namespace {
 
+// Of a vehicle that brakes, starts and swerves as hard as its wheels allow.
+constexpr double kHardPace = 3;   // m/s^2
+constexpr double kHardTurn = 10;  // rad/s^2
+
+double approach(double value, double target, double most) {
+  return value + std::clamp(target - value, -most, most);
+}
+
 PathConfig path_config(const PlatformScenario& config) {
   PathConfig path;
   path.radius_m = config.radius_m;
@@ -50,9 +58,11 @@ PlatformMotion::PlatformMotion(const PlatformScenario& config, double height,
       wish_(config.speed_m_s),
       path_(path_config(config)),
       controller_(controller_config(config), path_) {
-  for (double& phase : phase_) phase = rng.uniform(0, 2 * kPi);
   state_.X_IN.translation().z() = height;
-  if (config_.kind == PlatformKind::boat) step_boat(0);
+  if (config_.kind == PlatformKind::boat) {
+    sea_.emplace(config_.sea, rng);
+    step_boat({}, 0);
+  }
   if (config_.kind == PlatformKind::recorded) {
     auto drive = RecordedDrive::create(config_.drive);
     assert(drive);
@@ -65,10 +75,22 @@ void PlatformMotion::wish_speed(double m_s) {
   wish_ = std::clamp(m_s, 0.0, config_.speed_m_s);
 }
 
-void PlatformMotion::step(Seconds dt) {
+UgvCommand PlatformMotion::obey(const UgvCommand& wanted, const PadMutiny& mutiny,
+                                Seconds dt) {
+  if (mutiny.any()) disturbed_ = true;
+  if (!disturbed_) return wanted;
+  const UgvCommand next{
+      approach(command_.v, mutiny.speed_m_s.value_or(wanted.v), kHardPace * dt),
+      approach(command_.w, mutiny.turn_rad_s.value_or(wanted.w), kHardTurn * dt)};
+  if (!mutiny.any() && next.v == wanted.v && next.w == wanted.w) disturbed_ = false;
+  return next;
+}
+
+void PlatformMotion::step(Seconds dt, const PadMutiny& mutiny) {
   if (drive_) return step_recorded(dt);
   const UgvCommand before = command_;
-  command_ = controller_.step(pose_, moving_ ? wish_ : 0.0, dt);
+  const UgvCommand wanted = controller_.step(pose_, moving_ ? wish_ : 0.0, dt);
+  command_ = obey(wanted, mutiny, dt);
   const double v = (before.v + command_.v) / 2;
   const double w = (before.w + command_.w) / 2;
   const double mid = pose_.yaw + w * dt / 2;
@@ -76,7 +98,7 @@ void PlatformMotion::step(Seconds dt) {
   const double chord = std::abs(half) < 1e-9 ? v * dt : v * dt * std::sin(half) / half;
   pose_.p_I += chord * Vector2(std::cos(mid), std::sin(mid));
   pose_.yaw += w * dt;
-  if (config_.kind == PlatformKind::boat) return step_boat(dt);
+  if (sea_) return step_boat(before, dt);
 
   state_.t += from_seconds(dt);
   state_.X_IN.translation() = Vector3(pose_.p_I.x(), pose_.p_I.y(), height_);
@@ -87,15 +109,6 @@ void PlatformMotion::step(Seconds dt) {
   state_.alpha_IN_N = Vector3(0, 0, (command_.w - before.w) / dt);
 }
 
-PlatformMotion::Deck PlatformMotion::deck(double t_s) const {
-  const SeaScenario& sea = config_.sea;
-  const double w = 2 * kPi / sea.period_s;
-  // Roll and pitch answer at periods of their own, so that the deck does not repeat.
-  return {sea.heave_m * std::sin(w * t_s + phase_[0]),
-          sea.roll_deg * kDegree * std::sin(1.13 * w * t_s + phase_[1]),
-          sea.pitch_deg * kDegree * std::sin(0.91 * w * t_s + phase_[2])};
-}
-
 void PlatformMotion::step_recorded(Seconds dt) {
   const Time t = state_.t + from_seconds(dt);
   if (moving_) driven_ += dt;
@@ -103,28 +116,39 @@ void PlatformMotion::step_recorded(Seconds dt) {
   state_.t = t;
 }
 
-void PlatformMotion::step_boat(Seconds dt) {
+void PlatformMotion::step_boat(const UgvCommand& before, Seconds dt) {
   state_.t += from_seconds(dt);
-  const double t = to_seconds(state_.t);
-  const auto R_at = [this](double at) {
-    const Deck d = deck(at);
-    return from_rpy(d.roll, d.pitch, 0);
-  };
-  const double h = 1e-3;  // differences of smooth functions; error of order h^2
-  const Matrix3 R = R_at(t);
-  const auto turn = [&](double at) {
-    return Vector3(so3_log(R_at(at - h).transpose() * R_at(at + h)) / (2 * h));
-  };
-  const double rise = (deck(t + h).heave - deck(t - h).heave) / (2 * h);
-  const double lift =
-      (deck(t + h).heave - 2 * deck(t).heave + deck(t - h).heave) / (h * h);
+  const Seaway::Deck deck = sea_->at(to_seconds(state_.t));
+  const auto& [heave, roll, pitch] = deck;
+  const double v = command_.v, w = command_.w;
+  const double dv = dt > 0 ? (v - before.v) / dt : 0;
+  const double dw = dt > 0 ? (w - before.w) / dt : 0;
+  const Matrix3 R = from_rpy(roll.value, pitch.value, pose_.yaw);
+
+  // Angular velocity in N of R = Rz(yaw) Ry(pitch) Rx(roll), and its derivative.
+  const double sr = std::sin(roll.value), cr = std::cos(roll.value);
+  const double sp = std::sin(pitch.value), cp = std::cos(pitch.value);
+  const Vector3 up(-sp, sr * cp, cr * cp);  // I's z axis in N
+  const Vector3 across(0, cr, -sr);         // the axis of pitch
+  const Vector3 w_N = Vector3(roll.rate, 0, 0) + pitch.rate * across + w * up;
+  const Vector3 across_rate = -roll.rate * Vector3(0, sr, cr);
+  const Vector3 alpha_N = Vector3(roll.acceleration, 0, 0) +
+                          pitch.acceleration * across + pitch.rate * across_rate +
+                          dw * up - w * w_N.cross(up);
+
+  // The hull turns about a point that lies in the mean water surface.
+  const Vector3 p_ON_N(-config_.sea.pad_aft_m, 0, config_.sea.pad_above_m);
+  const double c = std::cos(pose_.yaw), s = std::sin(pose_.yaw);
+  const Vector3 p_IO(pose_.p_I.x(), pose_.p_I.y(), heave.value);
+  const Vector3 v_IO(v * c, v * s, heave.rate);
+  const Vector3 a_IO(dv * c - v * w * s, dv * s + v * w * c, heave.acceleration);
   state_.X_IN.linear() = R;
-  state_.X_IN.translation() =
-      Vector3(pose_.p_I.x(), pose_.p_I.y(), height_ + deck(t).heave);
-  state_.v_IN_N = R.transpose() * Vector3(command_.v, 0, rise);
-  state_.a_IN_N = R.transpose() * Vector3(0, 0, lift);
-  state_.w_IN_N = turn(t);
-  state_.alpha_IN_N = (turn(t + h) - turn(t - h)) / (2 * h);
+  state_.X_IN.translation() = p_IO + R * p_ON_N;
+  state_.v_IN_N = R.transpose() * v_IO + w_N.cross(p_ON_N);
+  state_.w_IN_N = w_N;
+  state_.a_IN_N =
+      R.transpose() * a_IO + alpha_N.cross(p_ON_N) + w_N.cross(w_N.cross(p_ON_N));
+  state_.alpha_IN_N = alpha_N;
 }
 
 }  // namespace alight

@@ -7,14 +7,22 @@
 #include "alight/platform/ugv_controller.h"
 #include "alight/sim/recorded_drive.h"
 #include "alight/sim/scenario.h"
+#include "alight/sim/seaway.h"
 
 namespace alight {
 
-/// How the platform truly moves: a UGV on its path (without slip), or a boat that
-/// heaves, rolls and pitches on a straight course, or a drive that was recorded.
+/// What the platform does against all orders (faults pad_start, pad_stop, pad_turn).
+struct PadMutiny {
+  std::optional<double> speed_m_s;
+  std::optional<double> turn_rad_s;  ///< To the left.
+  bool any() const { return speed_m_s || turn_rad_s; }
+};
+
+/// How the platform truly moves: a UGV on its path (without slip), or a boat on a
+/// straight course in a seaway, or a drive that was recorded.
 class PlatformMotion {
  public:
-  /// `height` of the pad above the floor, m; a recorded drive brings its own.
+  /// `height` of the pad above the floor, m; recorded drives and boats bring their own.
   /// @pre A recorded drive holds (RecordedDrive::create).
   PlatformMotion(const PlatformScenario& config, double height, bool moving, Rng rng);
 
@@ -22,17 +30,16 @@ class PlatformMotion {
   /// At most the scenario's speed. A recorded drive takes no wishes.
   void wish_speed(double m_s);
 
-  /// Advances by `dt` s.
-  void step(Seconds dt);
+  /// Advances by `dt` s. A mutiny ends at the pace of the platform's own controller;
+  /// recorded drives know none.
+  void step(Seconds dt, const PadMutiny& mutiny = {});
 
   const PlatformState& state() const { return state_; }
 
  private:
-  struct Deck {
-    double heave, roll, pitch;
-  };
-  Deck deck(double t_s) const;
-  void step_boat(Seconds dt);
+  UgvCommand obey(const UgvCommand& wanted, const PadMutiny& mutiny, Seconds dt);
+  /// `before`: the course's motion up to this step.
+  void step_boat(const UgvCommand& before, Seconds dt);
   void step_recorded(Seconds dt);
 
   PlatformScenario config_;
@@ -46,7 +53,8 @@ class PlatformMotion {
   UgvCommand command_;
   std::optional<RecordedDrive> drive_;
   Seconds driven_ = 0;  ///< s into it
-  double phase_[3] = {0, 0, 0};
+  std::optional<Seaway> sea_;
+  bool disturbed_ = false;  ///< Not yet back at what the controller wants.
 };
 
 }  // namespace alight

@@ -60,6 +60,7 @@ void Radio::send(const RadioMessage& message, RadioEnd to, Time now, bool dead) 
   if (config_.burst_ms > 0 && arrives > stall_begin_) {
     arrives = std::max(arrives, stall_end_);
   }
+  arrives = std::max(arrives, held_until_);
   if (queue_.size() >= static_cast<std::size_t>(config_.queue)) {
     auto victim = std::find_if(queue_.begin(), queue_.end(), [&](const Packet& p) {
       return p.arrival.message.index() == message.index() && p.to == to;
@@ -68,6 +69,13 @@ void Radio::send(const RadioMessage& message, RadioEnd to, Time now, bool dead) 
   }
   queue_.push_back({{message, now, arrives}, to});
   last_arrival_ = arrives;
+}
+
+void Radio::hold(Time until) {
+  held_until_ = std::max(held_until_, until);
+  for (Packet& packet : queue_) {
+    packet.arrival.received = std::max(packet.arrival.received, held_until_);
+  }
 }
 
 std::optional<Radio::Arrival> Radio::receive(RadioEnd end, Time now) {

@@ -42,6 +42,9 @@ class Radio {
   /// The next message that has reached `end` by `now`, oldest first.
   std::optional<Arrival> receive(RadioEnd end, Time now);
 
+  /// Nothing arrives before `until`, sent or yet to be sent.
+  void hold(Time until);
+
   /// Loses everything under way.
   void clear() { queue_.clear(); }
 
@@ -62,6 +65,7 @@ class Radio {
   Time until_ = 0;     ///< or between two: till then.
   Time stall_begin_ = 0;
   Time stall_end_ = 0;
+  Time held_until_ = 0;
 };
 
 }  // namespace alight

@@ -1,4 +1,5 @@
 #pragma once
+#include <algorithm>
 #include <array>
 
 #include "alight/base/time.h"
@@ -47,6 +48,8 @@ class Rotors {
   const RotorLayout& layout() const { return layout_; }
   double mean_share() const;
   double battery() const { return charge_; }  ///< Remaining share.
+  /// Leaves no more than `charge` in the battery.
+  void drain_to(double charge) { charge_ = std::min(charge_, charge); }
 
  private:
   double thrust_now() const;  ///< N at full share, as the battery stands.

@@ -1,6 +1,8 @@
 #include "alight/sim/scenario.h"
 
+#include <algorithm>
 #include <array>
+#include <string>
 
 #include "alight/base/bounds.h"
 
@@ -25,8 +27,7 @@ constexpr Names<PlatformKind, 7> kPlatforms{
 constexpr Names<StartPlace, 2> kPlaces{{"pad", "floor"}};
 constexpr Names<Gusts, 2> kGusts{{"none", "dryden"}};
 constexpr Names<AutopilotInterface, 2> kInterfaces{{"attitude", "velocity"}};
-constexpr Names<FaultKind, 6> kFaults{{"radio_out", "telemetry_out", "odometry_out",
-                                       "odometry_jump", "camera_out", "gust"}};
+constexpr Names<LinkLossAction, 3> kLossActions{{"land", "descend", "drift"}};
 
 }  // namespace
 
@@ -34,7 +35,7 @@ const char* to_string(PlatformKind kind) { return kPlatforms.of(kind); }
 const char* to_string(StartPlace place) { return kPlaces.of(place); }
 const char* to_string(Gusts gusts) { return kGusts.of(gusts); }
 const char* to_string(AutopilotInterface kind) { return kInterfaces.of(kind); }
-const char* to_string(FaultKind kind) { return kFaults.of(kind); }
+const char* to_string(LinkLossAction action) { return kLossActions.of(action); }
 std::optional<PlatformKind> platform_kind(std::string_view name) {
   return kPlatforms.find(name);
 }
@@ -45,10 +46,6 @@ std::optional<Gusts> gusts_kind(std::string_view name) { return kGusts.find(name
 std::optional<AutopilotInterface> autopilot_interface(std::string_view name) {
   return kInterfaces.find(name);
 }
-std::optional<FaultKind> fault_kind(std::string_view name) {
-  return kFaults.find(name);
-}
-
 Result<void> Scenario::validate() const {
   FirstComplaint check;
   const bool recorded = platform.kind == PlatformKind::recorded;
@@ -66,6 +63,16 @@ Result<void> Scenario::validate() const {
   check.range("platform.sea.roll_deg", platform.sea.roll_deg, 0, 45);
   check.range("platform.sea.pitch_deg", platform.sea.pitch_deg, 0, 45);
   check.range("platform.sea.period_s", platform.sea.period_s, 1, 60);
+  check.range("platform.sea.gamma", platform.sea.gamma, 1, 10);
+  check.range("platform.sea.pad_above_m", platform.sea.pad_above_m, 0, 30);
+  check.range("platform.sea.pad_aft_m", platform.sea.pad_aft_m, -30, 30);
+  if (platform.kind == PlatformKind::boat) {
+    // What lies at z = 0 is as hard as a floor to what touches it.
+    check.range("platform.sea.heave_m", platform.sea.heave_m, 0,
+                std::max(0.0, (platform.sea.pad_above_m - 0.5) / 2));
+    check.that(start.place == StartPlace::pad,
+               "start.place: a boat has no floor to start from, must be pad");
+  }
   check.range("wind.mean_m_s", wind.mean_m_s, 0, 30);
   check.range("wind.from_deg", wind.from_deg, -360, 360);
   check.range("radio.latency_ms", radio.latency_ms, 0, 2000);
@@ -86,6 +93,7 @@ Result<void> Scenario::validate() const {
   check.range("odometry.imu_rate_hz", odometry.imu_rate_hz, 0, 500);
   check.range("autopilot.heading_drift_deg_min", autopilot.heading_drift_deg_min, 0,
               360);
+  check.range("autopilot.link_loss_ms", autopilot.link_loss_ms, 10, 10'000);
   check.range("autopilot.tilt_error_deg", autopilot.tilt_error_deg, 0, 20);
   check.range("rig_error.led_mm", rig_error.led_mm, 0, 50);
   check.range("rig_error.led_frame_deg", rig_error.led_frame_deg, 0, 30);
@@ -99,9 +107,12 @@ Result<void> Scenario::validate() const {
   check.range("planner_delay_ms", planner_delay_ms, 0, 5000);
   for (std::size_t k = 0; k < faults.size(); ++k) {
     const std::string name = "faults[" + std::to_string(k) + "].";
-    check.range(name + "at_s", faults[k].at_s, 0, 3600);
-    check.range(name + "for_s", faults[k].for_s, 0, 3600);
-    check.range(name + "amount", faults[k].amount, -100, 100);
+    check_fault(faults[k], name, check);
+    const bool drives = faults[k].kind == FaultKind::pad_start ||
+                        faults[k].kind == FaultKind::pad_stop ||
+                        faults[k].kind == FaultKind::pad_turn;
+    check.that(!recorded || !drives,
+               name + "kind: a recorded drive goes as it was recorded");
   }
   return check.result();
 }

@@ -7,6 +7,7 @@
 
 #include "alight/base/result.h"
 #include "alight/geometry/pose_log.h"
+#include "alight/sim/fault.h"
 
 namespace alight {
 
@@ -37,22 +38,17 @@ enum class AutopilotInterface : std::uint8_t { attitude, velocity };
 const char* to_string(AutopilotInterface interface);
 std::optional<AutopilotInterface> autopilot_interface(std::string_view name);
 
-enum class FaultKind : std::uint8_t {
-  radio_out,      ///< Nothing passes; what was queued is lost.
-  telemetry_out,  ///< Only the downlink fails.
-  odometry_out,
-  odometry_jump,  ///< The odometry's pose jumps by `amount` m and says so (`resets`).
-  camera_out,     ///< No pictures (carried out by the camera's caller).
-  gust  ///< A blow of `amount` m/s beside the wind, from the scenario's from_deg.
-};
-const char* to_string(FaultKind kind);
-std::optional<FaultKind> fault_kind(std::string_view name);
-
+/// An irregular sea and the hull in it (seaway.h). Amplitudes are significant ones: the
+/// mean of the highest third, twice the standard deviation. The pad sits above and
+/// behind the point about which the hull turns, which lies in the mean water surface.
 struct SeaScenario {
-  double heave_m = 0.1;  ///< Amplitudes; the phases are drawn.
+  double heave_m = 0.1;
   double roll_deg = 4;
   double pitch_deg = 3;
-  double period_s = 6;
+  double period_s = 6;  ///< Of the spectrum's peak.
+  double gamma = 3.3;   ///< How peaked; 1: a fully developed sea.
+  double pad_above_m = 3;
+  double pad_aft_m = 2;
 };
 
 struct PlatformScenario {
@@ -106,12 +102,23 @@ struct OdometryScenario {
   double imu_rate_hz = 0;          ///< Platform IMU; 0: there is none.
 };
 
+/// What the autopilot does when set-points stop coming.
+enum class LinkLossAction : std::uint8_t {
+  land,     ///< Brakes over the ground, lands and disarms; needs the external pose,
+  descend,  ///< without which it comes to this: level, sinking, motors never stopped.
+  drift     ///< Level at hover thrust, for ever.
+};
+const char* to_string(LinkLossAction action);
+
 struct AutopilotScenario {
   AutopilotInterface interface = AutopilotInterface::attitude;
   double heading_drift_deg_min = 10;  ///< Within +-; without external pose only.
   double tilt_error_deg = 1;          ///< Of its belief, up to.
   bool external_pose = true;  ///< Fuses the pose the ground sends; else IMU only:
                               ///< heading off by any angle.
+  double link_loss_ms =
+      300;  ///< Without set-points (COM_OF_LOSS_T); then it does this:
+  LinkLossAction link_loss = LinkLossAction::land;
 };
 
 struct RigErrorScenario {
@@ -125,13 +132,6 @@ struct RigErrorScenario {
   double com_mm = 5;         ///< Centre of mass, each axis uniform within +-: a battery
                              ///< of a quarter of the weight strapped on 2 cm off.
   double thrust = 0.1;       ///< Maximum thrust, uniform within +- this share.
-};
-
-struct FaultScenario {
-  FaultKind kind = FaultKind::radio_out;
-  double at_s = 0;
-  double for_s = 1;
-  double amount = 0;  ///< As FaultKind says.
 };
 
 struct Scenario {

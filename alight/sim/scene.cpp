@@ -30,6 +30,17 @@ Joints joints_of(const Pose& X_IN, double yaw_near) {
   return q;
 }
 
+/// Rates of those coordinates.
+Joints joint_rates(const PlatformState& platform, const Joints& q) {
+  const Vector3& w = platform.w_IN_N;
+  const double pitch = q[4], roll = q[5];
+  const double level = w.y() * std::sin(roll) + w.z() * std::cos(roll);
+  Joints rates;
+  rates << platform.X_IN.linear() * platform.v_IN_N, level / std::cos(pitch),
+      w.y() * std::cos(roll) - w.z() * std::sin(roll), w.x() + std::tan(pitch) * level;
+  return rates;
+}
+
 Touch part_of(std::string_view name) {
   Touch part;
   const auto is = [&](std::string_view prefix) {
@@ -136,6 +147,17 @@ Result<std::unique_ptr<Scene>> Scene::create(const TrueRig& rig, const Pose& X_I
   free[4] = turn.x();
   free[5] = turn.y();
   free[6] = turn.z();
+  // It has always stood there: it moves as the platform does.
+  parts->rates = joint_rates(platform, q);
+  const Pose X_NF = platform.X_IN.inverse() * X_IF;
+  const Vector3 v_I =
+      platform.X_IN.linear() *
+      inertial_velocity_N(platform, X_NF.translation(), Vector3::Zero());
+  const Vector3 w_F = X_NF.linear().transpose() * platform.w_IN_N;
+  for (int j = 0; j < 3; ++j) {
+    parts->data->qvel[kPlatformJoints + j] = v_I[j];
+    parts->data->qvel[kPlatformJoints + 3 + j] = w_F[j];
+  }
   parts->read_body(false);
   return std::unique_ptr<Scene>(new Scene(std::move(parts)));
 }

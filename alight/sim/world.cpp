@@ -28,6 +28,8 @@ AutopilotConfig autopilot_config(const Scenario& scenario) {
   config.belief.external_pose = scenario.autopilot.external_pose;
   config.belief.tilt_error_deg = scenario.autopilot.tilt_error_deg;
   config.belief.heading_drift_deg_min = scenario.autopilot.heading_drift_deg_min;
+  config.loss_s = 1e-3 * scenario.autopilot.link_loss_ms;
+  config.loss_action = scenario.autopilot.link_loss;
   return config;
 }
 
@@ -76,10 +78,11 @@ struct World::Parts {
   std::int64_t steps = 0;
   Vector3 air_I = Vector3::Zero();
   std::array<TruthState, kRing> ring{};
-  std::size_t jumps_done = 0;
+  std::vector<bool> begun;  ///< Which faults.
   double round_trip_ms = 0;
   Time last_answer = 0;
   bool answered = false;
+  Rng chance;
   FixedVector<AutopilotTelemetry, 64> telemetry;
   FixedVector<LinkStatus, 16> link;
   int dropped = 0;
@@ -95,12 +98,23 @@ struct World::Parts {
         autopilot(autopilot_config(s), nominal.drone, rng.fork("autopilot")),
         radio(s.radio, rng.fork("radio")),
         odometry(s.odometry, platform.state(), rng.fork("odometry")),
-        contacts(truth.rig.drone, truth.rig.pad) {}
+        contacts(truth.rig.drone, truth.rig.pad),
+        chance(rng.fork("faults")) {
+    begun.resize(s.faults.size());
+  }
 
-  bool fault(FaultKind kind, Time t) const;
+  const FaultScenario* fault(FaultKind kind, Time t) const {
+    return active_fault(scenario.faults, kind, t);
+  }
+  /// Calls `act` with each fault of this kind once, when it begins.
+  template <class Act>
+  void at_begin(FaultKind kind, Act&& act);
+  void break_autopilot();
+  PadMutiny mutiny() const;
   void step();
   Wrench air_and_rotors(const BodyMotion& body, const PlatformState& deck);
   double gust_of_fault() const;
+  bool air_dead(RadioEnd to) const;
   void run_radio();
   void run_odometry();
   TruthState observe() const;
@@ -119,6 +133,18 @@ Result<std::unique_ptr<World>> World::create(const Scenario& scenario,
   if (scenario.platform.kind == PlatformKind::recorded) {
     if (auto ok = RecordedDrive::create(scenario.platform.drive); !ok) {
       return fail(ok.error().fault, "platform.file: " + ok.error().detail);
+    }
+  }
+  for (std::size_t k = 0; k < scenario.faults.size(); ++k) {
+    const FaultScenario& f = scenario.faults[k];
+    const bool of_led = f.kind == FaultKind::led_dead ||
+                        f.kind == FaultKind::led_flicker ||
+                        f.kind == FaultKind::led_dim;
+    if (of_led && f.led >= nominal.leds.size()) {
+      return fail(Fault::invalid_config, "faults[" + std::to_string(k) + "].led is " +
+                                             std::to_string(static_cast<int>(f.led)) +
+                                             ", the rig has LEDs 0 to " +
+                                             std::to_string(nominal.leds.size() - 1));
     }
   }
   const Rng rng(seed);
@@ -147,6 +173,7 @@ void World::Parts::step() {
     const double airspeed = (wind.mean() - scene->body().v_IF).norm();
     air_I = wind.step(dt * kWindEvery, airspeed) + gust_of_fault() * wind.direction();
   }
+  break_autopilot();
   const BodyMotion& body = scene->body();
   const Autopilot::Sensed sensed{body.X_IF.linear(), body.w_F, body.f_F, body.v_IF.z(),
                                  rotors.battery()};
@@ -154,7 +181,7 @@ void World::Parts::step() {
   rotors.step(shares, autopilot.motors_running(), dt);
 
   const PlatformState before = platform.state();
-  platform.step(dt);
+  platform.step(dt, mutiny());
   const Wrench wrench = air_and_rotors(body, before);
   scene->step(before, platform.state(), wrench.force, wrench.moment);
 
@@ -196,25 +223,66 @@ Wrench World::Parts::air_and_rotors(const BodyMotion& body, const PlatformState&
   return sum;
 }
 
+template <class Act>
+void World::Parts::at_begin(FaultKind kind, Act&& act) {
+  for (std::size_t k = 0; k < begun.size(); ++k) {
+    const FaultScenario& f = scenario.faults[k];
+    if (begun[k] || f.kind != kind || to_seconds(now) < f.at_s) continue;
+    begun[k] = true;
+    act(f);
+  }
+}
+
+void World::Parts::break_autopilot() {
+  if (scenario.faults.empty()) return;
+  autopilot.hold(fault(FaultKind::autopilot_mode, now) != nullptr);
+  autopilot.refuse(fault(FaultKind::autopilot_refuse, now) != nullptr);
+  at_begin(FaultKind::autopilot_reset, [&](const FaultScenario& f) {
+    const double way = chance.uniform(0, 2 * kPi);
+    autopilot.reset(f.turn_deg * kDegree,
+                    f.reset_m_s * Vector3(std::cos(way), std::sin(way), 0));
+  });
+  at_begin(FaultKind::battery_low,
+           [&](const FaultScenario& f) { rotors.drain_to(f.charge); });
+}
+
+PadMutiny World::Parts::mutiny() const {
+  PadMutiny mutiny;
+  if (const auto* f = fault(FaultKind::pad_start, now)) mutiny.speed_m_s = f->pad_m_s;
+  if (fault(FaultKind::pad_stop, now) != nullptr) mutiny = {0, 0};
+  if (const auto* f = fault(FaultKind::pad_turn, now)) {
+    mutiny.turn_rad_s = f->pad_deg_s * kDegree;
+  }
+  return mutiny;
+}
+
 double World::Parts::gust_of_fault() const {
   double sum = 0;
   for (const FaultScenario& f : scenario.faults) {
     const double into = to_seconds(now) - f.at_s;
     if (f.kind != FaultKind::gust || into < 0 || into > f.for_s) continue;
-    sum += f.amount * 0.5 * (1 - std::cos(2 * kPi * into / f.for_s));
+    sum += f.gust_m_s * 0.5 * (1 - std::cos(2 * kPi * into / f.for_s));
   }
   return sum;
 }
 
+bool World::Parts::air_dead(RadioEnd to) const {
+  const FaultKind one_way =
+      to == RadioEnd::drone ? FaultKind::uplink_out : FaultKind::telemetry_out;
+  return fault(FaultKind::radio_out, now) != nullptr || fault(one_way, now) != nullptr;
+}
+
 void World::Parts::run_radio() {
-  const bool out = fault(FaultKind::radio_out, now);
-  const bool deaf = out || fault(FaultKind::telemetry_out, now);
-  if (out) radio.clear();
+  if (fault(FaultKind::radio_out, now) != nullptr) radio.clear();
+  if (const auto* stall = fault(FaultKind::radio_stall, now)) {
+    radio.hold(from_seconds(stall->at_s + stall->for_s));
+  }
+  const bool deaf = air_dead(RadioEnd::ground);
   if (steps % kTelemetryEvery == 0) {
     radio.send(autopilot.telemetry(now), RadioEnd::ground, now, deaf);
   }
   if (steps % kPingEvery == 0) {
-    radio.send(Ping{now}, RadioEnd::drone, now, out);
+    radio.send(Ping{now}, RadioEnd::drone, now, air_dead(RadioEnd::drone));
     if (answered) {
       dropped += !link.push_back({now, now, round_trip_ms, last_answer});
     }
@@ -243,14 +311,17 @@ void World::Parts::run_radio() {
 }
 
 void World::Parts::run_odometry() {
-  std::size_t due = 0;
-  for (const FaultScenario& f : scenario.faults) {
-    if (f.kind != FaultKind::odometry_jump || to_seconds(now) < f.at_s) continue;
-    if (++due <= jumps_done) continue;
-    ++jumps_done;
-    odometry.jump(platform.state().X_IN.linear() * Vector3(f.amount, 0, 0));
+  if (!scenario.faults.empty()) {
+    const Vector3 ahead = platform.state().X_IN.linear().col(0);
+    at_begin(FaultKind::odometry_jump,
+             [&](const FaultScenario& f) { odometry.jump(f.jump_m * ahead); });
+    at_begin(FaultKind::odometry_shift,
+             [&](const FaultScenario& f) { odometry.jump(f.jump_m * ahead, false); });
+    const auto* drift = fault(FaultKind::odometry_drift, now);
+    odometry.drift(Vector3(0, drift ? drift->drift_m_s : 0, 0),
+                   drift ? drift->drift_deg_s * kDegree : 0);
   }
-  odometry.step(platform.state(), fault(FaultKind::odometry_out, now));
+  odometry.step(platform.state(), fault(FaultKind::odometry_out, now) != nullptr);
 }
 
 TruthState World::Parts::observe() const {
@@ -267,34 +338,24 @@ TruthState World::Parts::observe() const {
   truth.w_IB_B = rig.extras.R_FB.transpose() * body.w_F;
   truth.rotor_share = rotors.mean_share();
   truth.motors_running = autopilot.motors_running();
+  truth.mode = autopilot.mode();
   return truth;
 }
 
-bool World::Parts::fault(FaultKind kind, Time t) const {
-  const double t_s = to_seconds(t);
-  return std::any_of(scenario.faults.begin(), scenario.faults.end(),
-                     [&](const FaultScenario& f) {
-                       return f.kind == kind && t_s >= f.at_s && t_s < f.at_s + f.for_s;
-                     });
-}
-
-bool World::fault_active(FaultKind kind, Time t) const {
+const FaultScenario* World::fault(FaultKind kind, Time t) const {
   return parts_->fault(kind, t);
 }
 
 void World::send(const Setpoint& setpoint, Time now) {
   if (setpoint.kind == Setpoint::Kind::none) return;
-  parts_->radio.send(setpoint, RadioEnd::drone, now,
-                     fault_active(FaultKind::radio_out, now));
+  parts_->radio.send(setpoint, RadioEnd::drone, now, parts_->air_dead(RadioEnd::drone));
 }
 void World::send(const ExternalPose& pose, Time now) {
-  parts_->radio.send(pose, RadioEnd::drone, now,
-                     fault_active(FaultKind::radio_out, now));
+  parts_->radio.send(pose, RadioEnd::drone, now, parts_->air_dead(RadioEnd::drone));
 }
 void World::send(AutopilotOrder order, Time now) {
   if (order == AutopilotOrder::none) return;
-  parts_->radio.send(order, RadioEnd::drone, now,
-                     fault_active(FaultKind::radio_out, now));
+  parts_->radio.send(order, RadioEnd::drone, now, parts_->air_dead(RadioEnd::drone));
 }
 
 void World::wish_platform_speed(double m_s) { parts_->platform.wish_speed(m_s); }

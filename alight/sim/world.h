@@ -26,6 +26,7 @@ struct TruthState {
   Vector3 w_IB_B = Vector3::Zero();  ///< rad/s
   double rotor_share = 0;            ///< Mean rotor thrust, share of the maximum.
   bool motors_running = false;
+  AutopilotMode mode = AutopilotMode::manual;
 
   RelativeState relative() const { return {X_NB.translation(), X_NB.linear(), v_NB}; }
 };
@@ -101,8 +102,9 @@ class World {
 
   const TrueRig& true_rig() const;
   const Scenario& scenario() const;
-  /// Whether a fault of this kind is on at `t` (camera_out is the caller's to obey).
-  bool fault_active(FaultKind kind, Time t) const;
+  /// The fault of this kind that is on at `t`; null when none is. Those of camera,
+  /// depth, computer and planner are the caller's to carry out.
+  const FaultScenario* fault(FaultKind kind, Time t) const;
 
  private:
   struct Parts;
