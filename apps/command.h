@@ -17,3 +17,4 @@ void add_plan(CLI::App& app, Job& job);
 void add_land(CLI::App& app, Job& job);
 void add_campaign(CLI::App& app, Job& job);
 void add_render(CLI::App& app, Job& job);
+void add_measure(CLI::App& app, Job& job);

@@ -37,6 +37,7 @@ int run_program(int argc, char** argv) {
   add_detect(app, job);
   add_plan(app, job);
   add_render(app, job);
+  add_measure(app, job);
   add_eval(app, job);
 
   try {

@@ -1,0 +1,145 @@
+#include "alight/run/sequence_score.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Cholesky>
+#include <cmath>
+
+#include "alight/run/measure_run.h"
+
+namespace alight {
+namespace {
+
+Vector9 normal9(Rng& rng) {
+  Vector9 z;
+  for (int i = 0; i < 9; ++i) z[i] = rng.normal();
+  return z;
+}
+
+RelativeState some_state(Rng& rng) {
+  RelativeState x;
+  x.p_NB = Vector3(-1, 0.2, 0.6);
+  x.R_NB = from_rpy(rng.uniform(-0.3, 0.3), rng.uniform(-0.3, 0.3), rng.uniform(-3, 3));
+  x.v_NB = Vector3(0.3, -0.2, 0.1);
+  return x;
+}
+
+TEST(SequenceScore, NeesOfATrueCovarianceIsTheDegreesOfFreedom) {
+  Rng rng(5);
+  double pose = 0, state = 0;
+  constexpr int kRuns = 4000;
+  for (int run = 0; run < kRuns; ++run) {
+    Matrix9 root = Matrix9::Zero();
+    for (int i = 0; i < 9; ++i) root.col(i) = 0.01 * normal9(rng);
+    FrameReport report;
+    report.tracked = true;
+    report.x = some_state(rng);
+    report.cov = root * root.transpose();
+    const RelativeState truth = boxplus(report.x, root * normal9(rng));
+    const FrameScore score = score_frame(report, truth, Vector3::Zero());
+    pose += score.nees_pose;
+    state += score.nees_state;
+  }
+  // The mean of n chi-squares of k degrees has an sd of sqrt(2 k / n); the tangent at
+  // a random draw bends by a little more.
+  EXPECT_NEAR(pose / kRuns, 6, 5 * std::sqrt(12.0 / kRuns));
+  EXPECT_NEAR(state / kRuns, 9, 5 * std::sqrt(18.0 / kRuns));
+}
+
+TEST(SequenceScore, WrongBeyondEitherLimitAndSureUnlessTheCovarianceAllowsIt) {
+  Rng rng(6);
+  FrameReport report;
+  report.tracked = true;
+  report.x = some_state(rng);
+  report.cov = Matrix9::Identity() * 1e-4;
+  const auto score_of = [&](const Vector3& dp, const Vector3& dR) {
+    Vector9 d = Vector9::Zero();
+    d.head<3>() = dp;
+    d.segment<3>(3) = dR;
+    return score_frame(report, boxplus(report.x, d), Vector3::Zero());
+  };
+  EXPECT_FALSE(score_of({0.149, 0, 0}, {0, 0, 0}).wrong());
+  EXPECT_TRUE(score_of({0.151, 0, 0}, {0, 0, 0}).wrong());
+  EXPECT_FALSE(score_of({0, 0, 0}, {0, 14.9 * kDegree, 0}).wrong());
+  EXPECT_TRUE(score_of({0, 0, 0}, {0, 15.1 * kDegree, 0}).wrong());
+  // 15 sd off: the covariance does not claim it.
+  EXPECT_FALSE(score_of({0.151, 0, 0}, {0, 0, 0}).surely_wrong());
+  // "Told with confidence" is a wrong pose that the covariance holds for likely.
+  report.cov = Matrix9::Identity();
+  EXPECT_TRUE(score_of({0.151, 0, 0}, {0, 0, 0}).surely_wrong());
+  // No covariance at all says nothing in its favour.
+  report.cov(0, 0) = std::nan("");
+  EXPECT_TRUE(score_of({0.151, 0, 0}, {0, 0, 0}).surely_wrong());
+  report.tracked = false;
+  EXPECT_FALSE(score_of({0.151, 0, 0}, {0, 0, 0}).wrong());
+}
+
+MeasureOptions short_flights() {
+  MeasureOptions options;
+  options.sequence.rig = alan_rig();
+  options.sequence.frames = 8;
+  options.seeds = 4;
+  options.mixed = true;
+  return options;
+}
+
+TEST(MeasureRun, ThreadsChangeNoFigure) {
+  MeasureOptions options = short_flights();
+  options.jobs = 1;
+  const auto one = run_measure(options);
+  options.jobs = 3;
+  const auto three = run_measure(options);
+  ASSERT_TRUE(one && three);
+  for (std::size_t i = 0; i < one->sequences.size(); ++i) {
+    const auto& a = one->sequences[i].frames;
+    const auto& b = three->sequences[i].frames;
+    ASSERT_EQ(a.size(), 8u);
+    ASSERT_EQ(b.size(), 8u);
+    for (std::size_t k = 0; k < a.size(); ++k) {
+      EXPECT_EQ(a[k].tracked, b[k].tracked);
+      if (a[k].tracked) {
+        EXPECT_EQ(a[k].position_m, b[k].position_m);
+        EXPECT_EQ(a[k].nees_state, b[k].nees_state);
+      }
+    }
+  }
+}
+
+TEST(MeasureRun, PiecesMakeTheWhole) {
+  MeasureOptions options = short_flights();
+  const auto whole = run_measure(options);
+  options.seeds = 2;
+  options.first_seed = 3;
+  const auto part = run_measure(options);
+  ASSERT_TRUE(whole && part);
+  for (std::size_t i = 0; i < 2; ++i) {
+    EXPECT_EQ(part->sequences[i].options.seed, whole->sequences[i + 2].options.seed);
+    for (std::size_t k = 0; k < 8; ++k) {
+      EXPECT_EQ(part->sequences[i].frames[k].range_m,
+                whole->sequences[i + 2].frames[k].range_m);
+      EXPECT_EQ(part->sequences[i].frames[k].tracked,
+                whole->sequences[i + 2].frames[k].tracked);
+    }
+  }
+}
+
+TEST(MeasureRun, MixedFlightsAreOfEveryKind) {
+  MeasureOptions options = short_flights();
+  int hard = 0, dead = 0, dark = 0, strays = 0;
+  for (std::uint64_t seed = 1; seed <= 200; ++seed) {
+    const SequenceOptions one = measured_sequence(options, seed);
+    EXPECT_TRUE(one.validate()) << one.validate().error().detail;
+    hard += one.kind == SequenceKind::hard;
+    dead += !one.dead.empty();
+    dark += one.dark_to > one.dark_from;
+    strays += one.strays > 0;
+    EXPECT_LE(one.dead.size(), 2u);
+  }
+  for (const int count : {hard, dead, dark, strays}) {
+    EXPECT_GT(count, 20);
+    EXPECT_LT(count, 180);
+  }
+}
+
+}  // namespace
+}  // namespace alight
