@@ -3,6 +3,7 @@
 
 #include "alight/io/files.h"
 #include "alight/io/rig_yaml.h"
+#include "alight/run/frame_recorder.h"
 #include "alight/run/landing_run.h"
 #include "alight/run/run_record.h"
 #include "alight/run/scenario_yaml.h"
@@ -14,7 +15,7 @@ namespace {
 using namespace alight;
 
 struct LandSettings {
-  std::string scenario, rig, out, profile = "default";
+  std::string scenario, rig, out, frames, profile = "default";
   std::uint64_t seed = 1;
   double timeout_s = 60;
   bool json = false;
@@ -63,9 +64,22 @@ Result<void> land(const LandSettings& settings) {
   if (!settings.out.empty()) {
     if (auto good = check_folder(settings.out); !good) return good;
   }
+  if (!settings.frames.empty()) {
+    if (auto good = check_folder(settings.frames); !good) return good;
+  }
   RunRecord record(options);
-  const auto result = run_landing(options, settings.out.empty() ? nullptr : &record);
+  FrameRecorder frames(settings.frames, options);
+  Observers observers;
+  if (!settings.out.empty()) observers.add(record);
+  if (!settings.frames.empty()) observers.add(frames);
+  const auto result = run_landing(options, observers.empty() ? nullptr : &observers);
   if (!result) return fail(result.error());
+  int frame_count = 0;
+  if (!settings.frames.empty()) {
+    const auto count = frames.finish();
+    if (!count) return fail(count.error());
+    frame_count = *count;
+  }
   std::vector<std::string> pictures;
   if (!settings.out.empty()) {
     auto saved = record.save(settings.out, *result);
@@ -77,6 +91,10 @@ Result<void> land(const LandSettings& settings) {
     return {};
   }
   print(*result);
+  if (!settings.frames.empty()) {
+    std::printf("pictures      %d in %s, for alight track\n", frame_count,
+                settings.frames.c_str());
+  }
   if (!settings.out.empty()) {
     std::printf("recorded in   %s\n", settings.out.c_str());
     for (const std::string& name : pictures) {
@@ -102,6 +120,10 @@ void add_land(CLI::App& app, Job& job) {
       ->check(CLI::IsMember({"default", "paper"}))
       ->capture_default_str();
   command->add_option("--out", settings->out, "Folder for the record and its pictures")
+      ->check(named());
+  command
+      ->add_option("--frames", settings->frames,
+                   "Folder for the camera's pictures, a SOURCE of alight track")
       ->check(named());
   command->add_option("--timeout", settings->timeout_s, "Simulated seconds at most")
       ->check(finite() & CLI::Range(1.0, 3600.0))

@@ -16,18 +16,26 @@ struct Settings {
   std::string source, rig, out;
   std::string method = "iekf";
   std::string profile = "default";
+  double parked_s = 0;
   bool depth = false;
   bool json = false;
 };
 
 void print(const Settings& settings, const TrackRunResult& result) {
-  std::printf("%s: %d of %zu pictures tracked (%.2f %%)\n", settings.source.c_str(),
-              result.tracked, result.pictures.size(), 100 * result.tracked_share());
+  std::printf("%s: %d of %zu pictures tracked (%.2f %%) by %s\n",
+              settings.source.c_str(), result.tracked, result.pictures.size(),
+              100 * result.tracked_share(), settings.method.c_str());
   if (result.tracked > 0) {
     std::printf("fit           %.2f px rms (median)\n", result.reprojection_px);
   }
   std::printf("time          %.0f us a picture (median), %.0f us p99\n",
               result.us_median, result.us_p99);
+  if (settings.parked_s > 0) {
+    std::printf("rig           %s\n", result.measured_rig
+                                          ? "measured by the parked drone"
+                                          : "not measured: the parked drone was not "
+                                            "seen well enough, taken as written");
+  }
   std::printf("longest gap   %.3f s; found without a prior %d times\n",
               result.longest_gap, result.searches);
 }
@@ -38,7 +46,10 @@ Result<void> track(const Settings& settings) {
   if (!rig) return fail(rig.error());
   options.rig = *rig;
   options.source = settings.source;
-  options.profile = settings.profile == "paper" ? Profile::paper : Profile::standard;
+  options.tracker.method = *track_method(settings.method);
+  options.tracker.profile =
+      settings.profile == "paper" ? Profile::paper : Profile::standard;
+  options.tracker.parked_s = settings.parked_s;
   options.depth = settings.depth;
 
   if (!settings.out.empty()) {
@@ -60,13 +71,10 @@ Result<void> track(const Settings& settings) {
   return {};
 }
 
-/// Methods that CONTRACT names and that are not there yet.
 std::string known_method(const std::string& method) {
-  if (method == "iekf") return {};
-  if (method == "kf-less" || method == "aruco" || method == "apriltag") {
-    return "the method " + method + " is planned and not there yet, use iekf";
-  }
-  return "unknown method " + method + ", use iekf";
+  if (track_method(method)) return {};
+  return "unknown method " + alight::quoted(method) +
+         ", use iekf, kf-less, aruco or apriltag";
 }
 
 }  // namespace
@@ -79,12 +87,20 @@ void add_track(CLI::App& app, Job& job) {
                    "Folder with frames.csv, folder of pictures, or video")
       ->required();
   command->add_option("--rig", settings->rig, "Rig file")->required();
-  command->add_option("--method", settings->method, "iekf")
+  command
+      ->add_option("--method", settings->method,
+                   "iekf, kf-less (LEDs without a filter), aruco or apriltag (the "
+                   "rig's tag)")
       ->check(CLI::Validator(known_method, "METHOD"))
       ->capture_default_str();
   command->add_option("--profile", settings->profile, "default or paper")
       ->check(CLI::IsMember({"default", "paper"}))
       ->capture_default_str();
+  command
+      ->add_option("--parked", settings->parked_s,
+                   "The drone stands on the pad for the first so many s: the rig is "
+                   "measured by it")
+      ->check(finite() & CLI::Range(0.0, 60.0));
   command->add_flag("--depth", settings->depth, "Use the depth pictures too");
   command->add_option("--out", settings->out, "Folder for estimate, frames and plots")
       ->check(named());

@@ -13,7 +13,6 @@
 #include "alight/io/plot.h"
 #include "alight/io/pose_log.h"
 #include "alight/io/rig_yaml.h"
-#include "alight/mission/relative_estimator.h"
 #include "alight/run/json_lines.h"
 
 namespace alight {
@@ -76,16 +75,12 @@ std::vector<Panel> figures(const TrackRunResult& result) {
 }  // namespace
 
 Result<TrackRunResult> run_track(const TrackRunOptions& options) {
-  const auto config = options.profile == Profile::paper
-                          ? RelativeEstimatorConfig::paper()
-                          : RelativeEstimatorConfig::camera_only();
-  auto estimator = RelativeEstimator::create(config, options.rig);
-  if (!estimator) return fail(estimator.error());
+  auto tracker = FrameTracker::create(options.tracker, options.rig);
+  if (!tracker) return fail(tracker.error());
   auto source = ImageSource::open(options.source, options.rig);
   if (!source) return fail(source.error());
 
   TrackRunResult result;
-  const NoMotion motion;
   SourceFrame picture;
   FrameReport report;
   std::vector<double> us, reprojection;
@@ -102,7 +97,7 @@ Result<TrackRunResult> run_track(const TrackRunOptions& options) {
     if (options.depth) frame.depth = picture.depth.view();
 
     const auto begin = Clock::now();
-    estimator->fuse(frame, motion, report);
+    tracker->fuse(frame, report);
     const std::chrono::duration<double, std::micro> took = Clock::now() - begin;
 
     us.push_back(took.count());
@@ -124,6 +119,7 @@ Result<TrackRunResult> run_track(const TrackRunOptions& options) {
                     ": has no depth pictures; name them in the column depth_file of "
                     "frames.csv or leave out --depth");
   }
+  result.measured_rig = tracker->measured_rig();
   result.us_median = percentile(us, 0.5);
   result.us_p99 = percentile(us, 0.99);
   result.reprojection_px = reprojection.empty() ? kNaN : percentile(reprojection, 0.5);
@@ -134,12 +130,14 @@ Result<TrackRunResult> run_track(const TrackRunOptions& options) {
 std::string track_json(const TrackRunOptions& options, const TrackRunResult& result) {
   const nlohmann::ordered_json json{
       {"source", options.source},
-      {"profile", options.profile == Profile::paper ? "paper" : "default"},
+      {"method", to_string(options.tracker.method)},
+      {"profile", options.tracker.profile == Profile::paper ? "paper" : "default"},
       {"depth", options.depth},
       {"frames", result.pictures.size()},
       {"tracked", result.tracked},
       {"tracked_fraction", result.tracked_share()},
       {"searches", result.searches},
+      {"measured_rig", result.measured_rig},
       {"longest_gap_s", result.longest_gap},
       {"reprojection_px", number_or_null(result.reprojection_px)},
       {"us", {{"p50", result.us_median}, {"p99", result.us_p99}}}};

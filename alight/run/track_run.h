@@ -5,15 +5,15 @@
 #include "alight/base/result.h"
 #include "alight/geometry/pose_log.h"
 #include "alight/geometry/rig.h"
-#include "alight/mission/landing_config.h"
+#include "alight/run/frame_tracker.h"
 
 namespace alight {
 
-/// Recorded pictures through the estimator, with nothing known but the pictures.
+/// Recorded pictures through a method, with nothing known but the pictures.
 struct TrackRunOptions {
   std::string source;  ///< Folder or video (io/image_source.h).
   Rig rig;
-  Profile profile = Profile::standard;
+  FrameTrackerOptions tracker;
   bool depth = false;  ///< Use the depth pictures; refused when there are none.
 };
 
@@ -30,7 +30,8 @@ struct TrackRunResult {
   std::string frames;  ///< frames.jsonl (CONTRACT).
   std::vector<TrackedPicture> pictures;
   int tracked = 0;
-  int searches = 0;  ///< Times the drone was found without a prior.
+  int searches = 0;           ///< Times the drone was found without a prior.
+  bool measured_rig = false;  ///< By the parked drone.
   Seconds longest_gap = 0;
   double us_median = 0;  ///< Of a picture, by the machine's clock, reading it left out.
   double us_p99 = 0;
@@ -42,7 +43,8 @@ struct TrackRunResult {
 };
 
 /// @returns io or invalid_input, naming file and line, for a source that cannot be read
-///          to its end; invalid_config for a rig that does not hold. That the drone is
+///          to its end; invalid_config for a rig that does not hold and as
+///          FrameTracker::create. That the drone is
 ///          never found is no failure: `tracked` tells.
 Result<TrackRunResult> run_track(const TrackRunOptions& options);
 
