@@ -35,10 +35,17 @@ struct Problem {
     const LimitPolyhedron faces = make_polyhedron(config.profile);
     limits = make_limits(config, rig, faces, request.platform, 1);
     tightened = make_limits(config, rig, faces, request.platform, config.tightening);
-    range = time_range(config, rig, request, end);
+    samples = even_samples(config, time_range(config, rig, request, end));
     LandingQp qp;
-    best =
-        allocate_time(config, range, request.from, end, corridor, tightened, qp).best;
+    best = allocate(qp).best;
+  }
+  Allocation allocate(LandingQp& qp) const {
+    const AllocationTask task{.config = config,
+                              .start = request.from,
+                              .end = end,
+                              .corridor = corridor,
+                              .limits = tightened};
+    return allocate_time(task, samples, qp);
   }
   bool feasible() const { return best[0] > 0; }
 
@@ -47,7 +54,7 @@ struct Problem {
   FlatState end;
   Corridor corridor;
   DynamicLimitRows limits, tightened;
-  TimeRange range;
+  TimeSamples samples;
   std::array<Seconds, kSegments> best{};
 };
 
@@ -97,8 +104,7 @@ void BM_TimeAllocation(benchmark::State& state) {
   for (auto _ : state) {
     const Problem& p = *all[i++ % all.size()];
     laps.time([&] {
-      const Allocation found = allocate_time(p.config, p.range, p.request.from, p.end,
-                                             p.corridor, p.tightened, qp);
+      const Allocation found = p.allocate(qp);
       tried += found.tried;
       feasible += found.feasible;
     });

@@ -12,6 +12,7 @@ struct FlatState {
   Vector3 j_NB = Vector3::Zero();  ///< m/s^3
   double yaw = 0;                  ///< Heading of B in N, rad
   double yaw_rate = 0;             ///< rad/s
+  double yaw_acceleration = 0;     ///< rad/s^2
 };
 
 }  // namespace alight

@@ -34,10 +34,25 @@ FlatState Trajectory::at(Seconds t) const {
   const std::size_t k = t < durations[0] ? 0 : 1;
   const double u = (k == 0 ? t : t - durations[0]) / durations[k];
   evaluate_bezier(c[k], std::clamp(u, 0.0, 1.0), durations[k], state);
-  const double s = t / duration();
+  // Quintic Hermite polynomials of the end, the start's rate and its acceleration.
+  const Seconds T = duration();
+  const double s = t / T;
+  const double r = 1 - s;
   const double turn = wrap_angle(yaw_end - yaw_start);
-  state.yaw = wrap_angle(yaw_start + turn * s * s * s * (10 - 15 * s + 6 * s * s));
-  state.yaw_rate = turn * 30 * s * s * (1 - s) * (1 - s) / duration();
+  const double rate = yaw_rate_start * T;
+  const double bend = yaw_acceleration_start * T * T;
+  const double yaw = turn * s * s * s * (10 - 15 * s + 6 * s * s) +
+                     rate * s * r * r * r * (1 + 3 * s) +
+                     bend * 0.5 * s * s * r * r * r;
+  state.yaw = wrap_angle(yaw_start + yaw);
+  state.yaw_rate =
+      (turn * 30 * s * s * r * r + rate * r * r * (1 + 2 * s - 15 * s * s) +
+       bend * 0.5 * s * r * r * (2 - 5 * s)) /
+      T;
+  state.yaw_acceleration =
+      (turn * 60 * s * r * (1 - 2 * s) - rate * 12 * s * r * (3 - 5 * s) +
+       bend * r * (1 - 8 * s + 10 * s * s)) /
+      (T * T);
   return state;
 }
 

@@ -14,8 +14,12 @@ inline constexpr int kControlPoints = 8;  ///< degree 7
 struct Trajectory {
   std::array<Seconds, kSegments> durations{1, 1};
   std::array<std::array<Vector3, kControlPoints>, kSegments> c{};
-  double yaw_start = 0;  ///< rad; the heading goes over to yaw_end by a smooth step.
+  /// The heading, rad: least jerk from yaw_start, at this rate and acceleration, to
+  /// rest at yaw_end.
+  double yaw_start = 0;
   double yaw_end = 0;
+  double yaw_rate_start = 0;          ///< rad/s
+  double yaw_acceleration_start = 0;  ///< rad/s^2
 
   Seconds duration() const { return durations[0] + durations[1]; }
 

@@ -74,6 +74,11 @@ const Eigen::Matrix<double, 5, 8>& jerk_map() {
   return D;
 }
 
+const Matrix8& raised_jerk_map() {
+  static const Matrix8 map = hodograph(3, true).map;
+  return map;
+}
+
 const Eigen::Matrix<double, 5, 5>& jerk_gram() {
   static const Eigen::Matrix<double, 5, 5> G = gram();
   return G;

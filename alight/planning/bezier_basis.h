@@ -23,6 +23,9 @@ const Hodograph& acceleration_map(bool raised);
 /// Third differences times 7*6*5: control points of the jerk, degree 4, unit duration.
 const Eigen::Matrix<double, 5, 8>& jerk_map();
 
+/// The same raised to degree 7.
+const Matrix8& raised_jerk_map();
+
 /// Gram matrix of the Bernstein basis of degree 4: integral of b_i b_j over [0, 1].
 const Eigen::Matrix<double, 5, 5>& jerk_gram();
 

@@ -4,82 +4,38 @@
 #include <cmath>
 #include <limits>
 
-#include "alight/planning/corridor.h"
+#include "alight/planning/limits.h"
 
 namespace alight {
 namespace {
 
-constexpr int kMost = 15;
-constexpr int kDepth = 24;
 constexpr double kGap = 1e-4;
 constexpr double kEqual = 1e-6;  ///< Jumps and end states may differ by this.
-constexpr Seconds kLedStep = 0.005;
-constexpr int kDirections = 32;
+constexpr Seconds kAttitudeStep = 0.005;
+constexpr Seconds kForecastStep = 0.002;
+constexpr int kDirections =
+    36;  ///< Of the tilt: holds all that a cone of 12 sides does.
+constexpr double kInfinite = std::numeric_limits<double>::infinity();
 
-using Curve = std::array<Vector3, kControlPoints>;  ///< Degree 7 throughout.
-using Scalar = std::array<double, kControlPoints>;
-
-void refine(const std::array<double, kMost>& c, int count, double gap, int depth,
-            double& known, double& bound) {
-  const auto n = static_cast<std::size_t>(count);
-  const double high = *std::max_element(c.begin(), c.begin() + count);
-  known = std::max({known, c[0], c[n - 1]});
-  if (high <= known + gap || depth == 0) {
-    bound = std::max(bound, high);
-    return;
+/// The largest of a function's samples, and half of what a parabola through three of
+/// them can rise above.
+class Peak {
+ public:
+  void add(double x) {
+    if (std::isnan(x)) x = kInfinite;
+    if (count_ >= 2) bend_ = std::max(bend_, std::abs(x - 2 * last_[1] + last_[0]));
+    most_ = std::max(most_, x);
+    last_ = {last_[1], x};
+    ++count_;
   }
-  std::array<double, kMost> left{};
-  std::array<double, kMost> right = c;
-  for (std::size_t level = 0; level < n; ++level) {
-    left[level] = right[0];
-    for (std::size_t i = 0; i + level + 1 < n; ++i) {
-      right[i] = 0.5 * (right[i] + right[i + 1]);
-    }
-  }
-  refine(left, count, gap, depth - 1, known, bound);
-  refine(right, count, gap, depth - 1, known, bound);
-}
+  double bound() const { return most_ + bend_ / 4; }
 
-/// Derivative by time, raised back to degree 7.
-Curve derivative(const Curve& c, Seconds T) {
-  constexpr int n = kControlPoints - 1;
-  std::array<Vector3, n> d;
-  for (std::size_t i = 0; i < n; ++i) d[i] = n / T * (c[i + 1] - c[i]);
-  Curve raised;
-  for (std::size_t i = 0; i <= n; ++i) {
-    const double share = static_cast<double>(i) / n;
-    raised[i] = Vector3::Zero();
-    if (i > 0) raised[i] += share * d[i - 1];
-    if (i < n) raised[i] += (1 - share) * d[i];
-  }
-  return raised;
-}
-
-double maximum(const Curve& curve, const Vector3& n) {
-  Scalar s;
-  for (std::size_t i = 0; i < s.size(); ++i) s[i] = n.dot(curve[i]);
-  return bernstein_maximum(s.data(), kControlPoints, kGap);
-}
-
-double binomial(int n, int k) {
-  double value = 1;
-  for (int i = 1; i <= k; ++i) value = value * (n - k + i) / i;
-  return value;
-}
-
-/// Largest norm along a curve, by the degree 14 polynomial of its square.
-double maximum_norm(const Curve& curve) {
-  constexpr int n = kControlPoints - 1;
-  std::array<double, kMost> square{};
-  for (int i = 0; i <= n; ++i) {
-    for (int j = 0; j <= n; ++j) {
-      square[static_cast<std::size_t>(i + j)] +=
-          binomial(n, i) * binomial(n, j) / binomial(2 * n, i + j) *
-          curve[static_cast<std::size_t>(i)].dot(curve[static_cast<std::size_t>(j)]);
-    }
-  }
-  return std::sqrt(std::max(0.0, bernstein_maximum(square.data(), kMost, kGap)));
-}
+ private:
+  std::array<double, 2> last_{};
+  double most_ = -kInfinite;
+  double bend_ = 0;
+  int count_ = 0;
+};
 
 class Checker {
  public:
@@ -87,81 +43,145 @@ class Checker {
       : task_(task),
         trajectory_(trajectory),
         paper_(task.config.profile == Profile::paper) {
-    margin_.fill(std::numeric_limits<double>::infinity());
+    margin_.fill(kInfinite);
+    tilt_ = std::tan(std::min(task.config.tilt_max_deg, task.rig.drone.tilt_max_deg) *
+                     kDegree);
+    thrust_ = thrust_range(task.config, task.rig.drone);
   }
 
   Certificate run() {
     corridor();
-    dynamics();
+    for (std::size_t s = 0; s < kSegments; ++s) {
+      if (paper_) {
+        boxes(s);
+      } else if (task_.request.forecast.nodes.empty()) {
+        steady(s);
+      } else {
+        sampled(s);
+      }
+    }
+    double picture = kInfinite;
+    double over = kInfinite;
+    if (!paper_) attitudes(picture, over);
+
     Certificate out;
     for (std::size_t i = 0; i < margin_.size(); ++i) {
       if (std::isinf(margin_[i]) && margin_[i] > 0) continue;
       out.push_back({to_string(static_cast<Constraint>(i)), margin_[i]});
     }
     joints(out);
-    if (!paper_) leds(out);
+    if (!paper_) out.push_back({"leds_in_picture_px", picture});
+    if (!std::isinf(over)) out.push_back({"leds_over_pad_edge", over});
     return out;
   }
 
  private:
   void note(Constraint constraint, double margin) {
     double& least = margin_[static_cast<std::size_t>(constraint)];
-    least = std::isnan(margin) ? -std::numeric_limits<double>::infinity()
-                               : std::min(least, margin);
+    least = std::isnan(margin) ? -kInfinite : std::min(least, margin);
   }
 
   void corridor() {
-    const Corridor corridor =
-        build_corridor(task_.config, task_.rig, task_.request.from, task_.end);
-    for (const HalfSpace& plane : corridor.planes) {
+    Corridor own;
+    if (task_.corridor == nullptr) {
+      own = build_corridor(task_.config, task_.rig, task_.request.from, task_.end);
+    }
+    const Corridor& corridor = task_.corridor != nullptr ? *task_.corridor : own;
+    for (std::size_t i = 0; i < corridor.hard; ++i) {
+      const HalfSpace& plane = corridor.planes[i];
       const Curve& c = trajectory_.c[static_cast<std::size_t>(plane.segment)];
-      note(plane.meaning, plane.b - maximum(c, plane.a));
+      note(plane.meaning, plane.b - maximum_along(c, plane.a, kGap));
     }
   }
 
-  void dynamics() {
+  void boxes(std::size_t s) {
     const PlatformState& platform = task_.request.platform;
     const DynamicLimits& limits = task_.rig.limits;
-    const Vector3 g_N = gravity_N(platform);
-    const double slope = std::tan(
-        std::min(task_.config.tilt_max_deg, task_.rig.drone.tilt_max_deg) * kDegree);
-    for (std::size_t s = 0; s < kSegments; ++s) {
-      const Curve& p = trajectory_.c[s];
-      const Seconds T = trajectory_.durations[s];
-      Curve v = derivative(p, T);
-      Curve a = derivative(v, T);
-      if (paper_) {
-        for (int axis = 0; axis < 3; ++axis) {
-          for (const double sign : {1.0, -1.0}) {
-            const Vector3 n = sign * Vector3::Unit(axis);
-            note(Constraint::speed,
-                 limits.speed_m_s - n.dot(platform.v_IN_N) - maximum(v, n));
-            note(Constraint::acceleration,
-                 limits.acceleration_m_s2 - n.dot(platform.a_IN_N) - maximum(a, n));
-          }
-        }
-        continue;
-      }
-      for (std::size_t i = 0; i < p.size(); ++i) {
-        a[i] = inertial_acceleration_N(platform, p[i], v[i], a[i]);
-        v[i] = inertial_velocity_N(platform, p[i], v[i]);
-      }
-      note(Constraint::speed, limits.speed_m_s - maximum_norm(v));
-      note(Constraint::acceleration, limits.acceleration_m_s2 - maximum_norm(a));
-      for (int k = 0; k < kDirections; ++k) {
-        const double at = 2 * kPi * k / kDirections;
-        const double outer = 1 / std::cos(kPi / kDirections);
-        const Vector3 n(outer * std::cos(at), outer * std::sin(at), -slope);
-        note(Constraint::tilt, n.dot(g_N) - maximum(a, n));
+    const Curve v = derivative(trajectory_.c[s], trajectory_.durations[s]);
+    const Curve a = derivative(v, trajectory_.durations[s]);
+    for (int axis = 0; axis < 3; ++axis) {
+      for (const double sign : {1.0, -1.0}) {
+        const Vector3 n = sign * Vector3::Unit(axis);
+        note(Constraint::speed,
+             limits.speed_m_s - n.dot(platform.v_IN_N) - maximum_along(v, n, kGap));
+        note(Constraint::acceleration, limits.acceleration_m_s2 -
+                                           n.dot(platform.a_IN_N) -
+                                           maximum_along(a, n, kGap));
       }
     }
   }
+
+  /// In I over a platform whose motion stays, exactly.
+  void steady(std::size_t s) {
+    const PlatformState& platform = task_.request.platform;
+    const Curve& p = trajectory_.c[s];
+    const Seconds T = trajectory_.durations[s];
+    Curve v = derivative(p, T);
+    Curve a = derivative(v, T);
+    for (std::size_t i = 0; i < p.size(); ++i) {
+      a[i] = inertial_acceleration_N(platform, p[i], v[i], a[i]);
+      v[i] = inertial_velocity_N(platform, p[i], v[i]);
+    }
+    // The jerk in I: what the components do, turned with N.
+    Curve j = derivative(a, T);
+    Curve f;
+    for (std::size_t i = 0; i < p.size(); ++i) {
+      j[i] += platform.w_IN_N.cross(a[i]);
+      f[i] = a[i] - gravity_N(platform);
+    }
+    note(Constraint::speed, task_.rig.limits.speed_m_s - maximum_norm(v, kGap));
+    note(Constraint::acceleration,
+         task_.rig.limits.acceleration_m_s2 - maximum_norm(a, kGap));
+    for (int k = 0; k < kDirections; ++k) {
+      const double at = 2 * kPi * k / kDirections;
+      const double outer = 1 / std::cos(kPi / kDirections);
+      const Vector3 n(outer * std::cos(at), outer * std::sin(at), -tilt_);
+      note(Constraint::tilt, -maximum_along(f, n, kGap));
+    }
+    note(Constraint::thrust, thrust_.most - maximum_norm(f, kGap));
+    note(Constraint::thrust,
+         -maximum_along(f, -Vector3::UnitZ(), kGap) - thrust_.least);
+    note(Constraint::body_rate, body_rate_max() - maximum_ratio(j, f, kGap));
+  }
+
+  /// In I over a forecast.
+  void sampled(std::size_t s) {
+    const PlanRequest& request = task_.request;
+    const Seconds T = trajectory_.durations[s];
+    const Seconds before = s == 0 ? 0 : trajectory_.durations[0];
+    const int steps = std::clamp(static_cast<int>(T / kForecastStep), 2, 20000);
+    Peak speed, acceleration, tilt, most, least, rate;
+    for (int i = 0; i <= steps; ++i) {
+      const double u = static_cast<double>(i) / steps;
+      FlatState x;
+      evaluate_bezier(trajectory_.c[s], u, T, x);
+      const FrameMotion m =
+          frame_motion(request.platform, request.forecast, before + u * T);
+      const Vector3 a = m.acceleration(x.p_NB, x.v_NB, x.a_NB);
+      const Vector3 f = a - m.a0 + m.f0;
+      speed.add(m.velocity(x.p_NB, x.v_NB).norm());
+      acceleration.add(a.norm());
+      tilt.add(f.head<2>().norm() - tilt_ * f.z());
+      most.add(f.norm());
+      least.add(-f.z());
+      rate.add(m.jerk(x.p_NB, x.v_NB, x.a_NB, x.j_NB).norm() / f.norm());
+    }
+    note(Constraint::speed, task_.rig.limits.speed_m_s - speed.bound());
+    note(Constraint::acceleration,
+         task_.rig.limits.acceleration_m_s2 - acceleration.bound());
+    note(Constraint::tilt, -tilt.bound());
+    note(Constraint::thrust, thrust_.most - most.bound());
+    note(Constraint::thrust, -least.bound() - thrust_.least);
+    note(Constraint::body_rate, body_rate_max() - rate.bound());
+  }
+
+  double body_rate_max() const { return task_.config.body_rate_max_deg_s * kDegree; }
 
   /// Start, end and the joint between the segments.
   void joints(Certificate& out) const {
     const auto gap = [](const FlatState& a, const FlatState& b) {
-      return std::max({(a.p_NB - b.p_NB).norm(), (a.v_NB - b.v_NB).norm(),
-                       (a.a_NB - b.a_NB).norm()});
+      return (a.p_NB - b.p_NB).norm() + (a.v_NB - b.v_NB).norm() +
+             (a.a_NB - b.a_NB).norm();
     };
     const auto state = [&](std::size_t s, double u) {
       FlatState x;
@@ -170,28 +190,51 @@ class Checker {
     };
     const auto tell = [&](const char* name, double jump) {
       const double margin = kEqual - jump;
-      out.push_back({name, std::isnan(margin) ? -1e9 : margin});
+      out.push_back({name, std::isnan(margin) ? -kInfinite : margin});
     };
-    tell("start_state", gap(state(0, 0), task_.request.from));
+    const FlatState& from = task_.request.from;
+    const FlatState start = trajectory_.at(0);
+    double jump = gap(start, from) + std::abs(wrap_angle(start.yaw - from.yaw)) +
+                  std::abs(start.yaw_rate - from.yaw_rate);
+    // Jerk in m/s^3 comes of thousandfold differences.
+    if (task_.request.keep_jerk) jump += 1e-3 * (start.j_NB - from.j_NB).norm();
+    tell("start_state", jump);
     tell("continuity", gap(state(0, 1), state(1, 0)));
     tell("end_state", gap(state(1, 1), task_.end));
   }
 
-  void leds(Certificate& out) const {
+  /// LEDs in the picture and body rates, at the attitude that flatness gives.
+  void attitudes(double& picture, double& over) {
+    const PlanRequest& request = task_.request;
     const Intrinsics& k = task_.rig.camera.intrinsics;
     const Vector3 p_NC = task_.rig.camera.X_NC.translation();
     const Vector3 shadow = pad_shadow_normal(task_.rig.camera, task_.rig.pad);
-    double picture = 1e9;
-    double over = 1e9;
     const Seconds duration = trajectory_.duration();
-    const int steps = std::clamp(static_cast<int>(duration / kLedStep), 1, 20000);
+    const int steps = std::clamp(static_cast<int>(duration / kAttitudeStep), 2, 20000);
+    const Seconds dt = duration / steps;
+    Matrix3 last = Matrix3::Identity();
     for (int i = 0; i <= steps; ++i) {
-      const FlatState state = trajectory_.at(duration * i / steps);
-      const Pose X_NB =
-          make_pose(flat_attitude(task_.request.platform, state), state.p_NB);
+      const FlatState x = trajectory_.at(i * dt);
+      const FrameMotion m = frame_motion(request.platform, request.forecast, i * dt);
+      const Vector3 f = m.acceleration(x.p_NB, x.v_NB, x.a_NB) - m.a0 + m.f0;
+      const Pose X_NB = make_pose(flat_attitude(f, x.yaw), x.p_NB);
+      const Matrix3 R_NB = X_NB.linear();
+      if (i > 0) {
+        const Vector3 w_IN(m.w(2, 1), m.w(0, 2), m.w(1, 0));
+        const Vector3 w =
+            so3_log(last.transpose() * R_NB) / dt + R_NB.transpose() * w_IN;
+        note(Constraint::body_rate, body_rate_max() - w.head<2>().norm());
+        note(Constraint::yaw_rate,
+             task_.config.yaw_rate_max_deg_s * kDegree - std::abs(w.z()));
+      }
+      last = R_NB;
+      for (const Obstacle& box : task_.rig.pad.obstacles) {
+        const Vector3 q = x.p_NB.cwiseMax(box.min_m).cwiseMin(box.max_m);
+        note(Constraint::obstacle, (x.p_NB - q).norm() - radius_of(task_));
+      }
       for (const Led& led : task_.rig.leds.leds) {
         const auto uv = project_led(task_.rig.camera, X_NB, led.p_BL);
-        if (!uv) {
+        if (!uv || !uv->allFinite()) {
           picture = std::min(picture, -1e3);
           continue;
         }
@@ -203,36 +246,25 @@ class Checker {
         }
       }
     }
-    out.push_back({"leds_in_picture_px", picture});
-    if (over < 1e8) out.push_back({"leds_over_pad_edge", over});
+  }
+
+  static double radius_of(const CertificateTask& task) {
+    return task.config.shrink_m > 0 ? task.config.shrink_m : drone_radius(task.rig);
   }
 
   const CertificateTask& task_;
   const Trajectory& trajectory_;
   bool paper_;
+  double tilt_ = 0;  ///< Its tangent.
+  ThrustRange thrust_;
   std::array<double, kConstraints> margin_;
 };
 
 }  // namespace
 
-double bernstein_maximum(const double* coefficients, int count, double gap) {
-  std::array<double, kMost> c{};
-  double known = -std::numeric_limits<double>::infinity();
-  double bound = known;
-  for (int i = 0; i < count; ++i) {
-    if (std::isnan(coefficients[i])) return std::numeric_limits<double>::infinity();
-    c[static_cast<std::size_t>(i)] = coefficients[i];
-  }
-  refine(c, count, gap, kDepth, known, bound);
-  return bound;
-}
-
-Matrix3 flat_attitude(const PlatformState& platform, const FlatState& state) {
-  const Vector3 f =
-      inertial_acceleration_N(platform, state.p_NB, state.v_NB, state.a_NB) -
-      gravity_N(platform);
-  const Vector3 z = f.norm() > 1e-9 ? f.normalized() : Vector3::UnitZ().eval();
-  const Vector3 heading(std::cos(state.yaw), std::sin(state.yaw), 0);
+Matrix3 flat_attitude(const Vector3& f_N, double yaw) {
+  const Vector3 z = f_N.norm() > 1e-9 ? f_N.normalized() : Vector3::UnitZ().eval();
+  const Vector3 heading(std::cos(yaw), std::sin(yaw), 0);
   Vector3 x = z.z() * heading;
   x.z() = -z.dot(heading);
   if (x.norm() < 1e-9) return Matrix3::Identity();
@@ -240,6 +272,13 @@ Matrix3 flat_attitude(const PlatformState& platform, const FlatState& state) {
   Matrix3 R;
   R << x, z.cross(x), z;
   return R;
+}
+
+Matrix3 flat_attitude(const PlatformState& platform, const FlatState& state) {
+  return flat_attitude(
+      inertial_acceleration_N(platform, state.p_NB, state.v_NB, state.a_NB) -
+          gravity_N(platform),
+      state.yaw);
 }
 
 Certificate certify(const CertificateTask& task, const Trajectory& trajectory) {

@@ -1,7 +1,6 @@
 #pragma once
-#include <vector>
-
-#include "alight/planning/planner.h"
+#include "alight/planning/bernstein.h"
+#include "alight/planning/corridor.h"
 
 namespace alight {
 
@@ -11,24 +10,26 @@ struct CertificateTask {
   Rig rig;
   PlanRequest request;  ///< Start state and the platform's motion.
   FlatState end;
+  /// The space it must stay in; null: that of a landing from the request's start.
+  const Corridor* corridor = nullptr;
 };
 
-using Certificate = FixedVector<CertificateEntry, 24>;
+using Certificate = decltype(PlanResult::certificate);
 
-/// Checks a trajectory without the solver: control points are not trusted to bound it,
-/// every constraint is bounded along the whole curve by subdivided Bernstein
-/// polynomials (to 1e-4 of its unit, on the safe side), limits as norms of the motion
-/// in I (paper: boxes), LEDs by projection at the flatness attitude every 5 ms.
+/// Checks a trajectory without the solver and its matrices. Control points are not
+/// trusted to bound it: over a steady platform every constraint is bounded along the
+/// whole curve by subdivided Bernstein polynomials (to 1e-4 of its unit, on the safe
+/// side), limits as norms of the motion in I (paper: boxes); over a forecast by samples
+/// every 2 ms and what their second differences leave open. LEDs by projection and body
+/// rates by differences of the flatness attitude every 5 ms.
 Certificate certify(const CertificateTask& task, const Trajectory& trajectory);
 
 /// The entry with the smallest margin; empty certificates have none.
 const CertificateEntry* weakest(const Certificate& certificate);
 
-/// Upper bound, at most `gap` above the maximum over [0, 1], of the polynomial with
-/// these Bernstein coefficients (at most 15).
-double bernstein_maximum(const double* coefficients, int count, double gap);
-
-/// Attitude of B in N by flatness: z along a_IB_N - g_N, heading `yaw` of its x axis.
+/// Attitude of B in N by flatness: z along the specific force f_N = a_IB_N - g_N,
+/// heading `yaw` of its x axis.
+Matrix3 flat_attitude(const Vector3& f_N, double yaw);
 Matrix3 flat_attitude(const PlatformState& platform, const FlatState& state);
 
 }  // namespace alight

@@ -35,6 +35,9 @@ constexpr std::array<Text, kConstraints> kText{{
     ALIGHT_TEXT(speed),
     ALIGHT_TEXT(acceleration),
     ALIGHT_TEXT(tilt),
+    ALIGHT_TEXT(thrust),
+    ALIGHT_TEXT(body_rate),
+    ALIGHT_TEXT(yaw_rate),
 }};
 
 #undef ALIGHT_TEXT

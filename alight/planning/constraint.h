@@ -20,8 +20,11 @@ enum class Constraint : std::uint8_t {
   speed,         ///< Of v_IB.
   acceleration,  ///< Of a_IB.
   tilt,          ///< Of the thrust against z of N.
+  thrust,        ///< Least and most that the rotors give.
+  body_rate,     ///< About the body's x and y, through flatness.
+  yaw_rate,      ///< About its z.
 };
-inline constexpr int kConstraints = 15;
+inline constexpr int kConstraints = 18;
 
 /// Static texts: "view_upper", "the start lies outside: view_upper", ...
 const char* to_string(Constraint constraint);

@@ -10,7 +10,8 @@ namespace alight {
 /// (segment 0) and the touch-down space (segment 1) in N, shrunk for the drone.
 struct Corridor {
   FixedVector<HalfSpace, 128> planes;
-  bool full = false;  ///< More obstacles than the planes hold: not to be planned in.
+  bool full = false;     ///< More obstacles than the planes hold: not to be planned in.
+  std::size_t hard = 0;  ///< Planes from here on are wishes (add_view_wishes).
 
   void add(int segment, const Vector3& a, double b, Constraint meaning);
 };
@@ -28,8 +29,32 @@ double drone_radius(const Rig& rig);
 /// Where and how fast a landing ends.
 FlatState landing_end(const PlannerConfig& config, const Rig& rig);
 
+/// The space a landing begins in: the rear one (above h_T, or beside the pad), or,
+/// planned anew on its way down, the touch-down space for both segments.
+enum class Beginning : std::uint8_t { rear, touch_down };
+/// Those that the start lies in, the likelier one first; never empty.
+FixedVector<Beginning, 2> beginnings(const PlannerConfig& config, const Rig& rig,
+                                     const FlatState& start, const FlatState& end);
+
+Corridor build_corridor(const PlannerConfig& config, const Rig& rig,
+                        const FlatState& start, const FlatState& end,
+                        Beginning beginning);
+/// In the first of `beginnings`.
 Corridor build_corridor(const PlannerConfig& config, const Rig& rig,
                         const FlatState& start, const FlatState& end);
+
+/// The way back from a landing: out of the touch-down space (`low`), the feet
+/// `escape_clearance_m` above the pad, to `goal` in the rear space; or within the rear
+/// space.
+Corridor build_escape_corridor(const PlannerConfig& config, const Rig& rig,
+                               const FlatState& from, const FlatState& goal, bool low);
+
+/// Visibility as a goal: view planes up to `view_wish_px` further inside the picture,
+/// as far as the given points (of each segment) are inside them. False if there are
+/// none.
+using Fixed = std::array<FixedVector<Vector3, 4>, kSegments>;
+bool add_view_wishes(const PlannerConfig& config, const Rig& rig,
+                     const FlatState& start, const Fixed& fixed, Corridor& corridor);
 
 /// A view plane in N through the lens: n'(p - p_NC) <= 0 for points in the picture,
 /// `border` px from its edge. Distortion is met by the innermost point of each edge.

@@ -15,6 +15,9 @@ constexpr int kMaxRounds = 64;
 constexpr int kMaxIterations = 400;  ///< Of the active set, in one round.
 constexpr double kTolerance = 1e-9;  ///< m, m/s, m/s^2; a row is violated beyond it.
 constexpr double kStalled = 1e-7;    ///< What a row handed over may still violate.
+constexpr double kJerkTolerance =
+    1e-6;  ///< The same two of the body rates' rows, m/s^3
+constexpr double kJerkStalled = 1e-4;
 constexpr double kUnbounded = 1e30;
 
 }  // namespace
@@ -35,6 +38,7 @@ struct LandingQp::Work {
   const DynamicLimitRows* limits = nullptr;
   const Whitened* whitened = nullptr;
   const Reduction* reduction = nullptr;
+  SegmentFrames frames;
   QpOutcome* outcome = nullptr;
   bool added = false;
 
@@ -42,6 +46,10 @@ struct LandingQp::Work {
   void scan();
   void scan_positions(std::size_t s);
   void scan_limits(std::size_t s);
+  void scan_body_rates(std::size_t s, const MotionCurves& curves);
+  template <class Faces>
+  bool worst(const Faces& faces, std::size_t from, std::size_t to, const Vector3& x,
+             double slack, RowId row);
   bool violated(const RowId& row, double excess, double slack_fixed);
   bool optimize();
   void keep_multipliers();
@@ -82,18 +90,19 @@ void LandingQp::Work::start() {
 
 /// Hands a violated row over. False: it cannot be met, or never will be.
 bool LandingQp::Work::violated(const RowId& row, double excess, double slack_fixed) {
+  const double stalled = row.kind == RowKind::body_rate ? kJerkStalled : kStalled;
   const auto known = std::find(rows.begin(), rows.begin() + count, row);
   if (known != rows.begin() + count) {
-    if (excess <= kStalled) return true;
+    if (excess <= stalled) return true;
     outcome->kind = QpOutcome::Kind::no_convergence;
     outcome->blame = row;
     return false;
   }
   const Matrix73 gradient =
-      row_gradient(row, *corridor, *limits, whitened->W, reduction->T);
+      row_gradient(row, *corridor, *limits, frames, whitened->W, reduction->T);
   const double length = gradient.norm();
   if (length == 0) {
-    if (excess <= slack_fixed + kStalled) return true;
+    if (excess <= slack_fixed + stalled) return true;
     outcome->kind = QpOutcome::Kind::fixed_row;
     outcome->blame = row;
     return false;
@@ -133,45 +142,91 @@ void LandingQp::Work::scan_positions(std::size_t s) {
   }
 }
 
-void LandingQp::Work::scan_limits(std::size_t s) {
-  const MotionCurves curves = motion_curves(*limits, outcome->c[s], reduction->T[s]);
-  // The worst face of each control point that is outside.
-  const auto worst = [&](const auto& faces, std::size_t from, std::size_t to,
-                         const Vector3& x, RowKind kind, int point) {
-    std::size_t at = from;
-    double most = -kUnbounded;
-    for (std::size_t f = from; f < to; ++f) {
-      const double excess = faces[f].n.dot(x) - faces[f].b;
-      if (excess <= most) continue;
-      most = excess;
-      at = f;
-    }
-    if (most <= kTolerance) return true;
-    const RowId row{kind, static_cast<std::uint8_t>(s),
-                    static_cast<std::uint8_t>(point), static_cast<std::uint8_t>(at)};
-    return violated(row, most, faces[at].b_fixed - faces[at].b);
-  };
-  for (int i = 0; i < velocity_map(limits->raised).count; ++i) {
-    const Vector3 v = curves.v.row(i);
-    if (v.squaredNorm() <= limits->speed_inside * limits->speed_inside) continue;
-    if (!worst(limits->speed, 0, limits->speed.size(), v, RowKind::speed, i)) return;
+/// Hands over the worst of faces `from` .. `to` - 1 at one control point, if violated.
+template <class Faces>
+bool LandingQp::Work::worst(const Faces& faces, std::size_t from, std::size_t to,
+                            const Vector3& x, double slack, RowId row) {
+  std::size_t at = from;
+  double most = -kUnbounded;
+  for (std::size_t f = from; f < to; ++f) {
+    const double excess = faces[f].n.dot(x) - faces[f].b;
+    if (excess <= most) continue;
+    most = excess;
+    at = f;
   }
-  const auto tilt_begin =
-      limits->acceleration.size() - static_cast<std::size_t>(limits->tilt_rows);
-  for (int i = 0; i < acceleration_map(limits->raised).count; ++i) {
+  if (most + slack <= kTolerance) return true;
+  row.face = static_cast<std::uint8_t>(at);
+  return violated(row, most + slack, faces[at].b_fixed - faces[at].b + slack);
+}
+
+void LandingQp::Work::scan_limits(std::size_t s) {
+  const SegmentFrame& frame = frames[s];
+  const MotionCurves curves =
+      motion_curves(*limits, frame, outcome->c[s], reduction->T[s]);
+  const auto row = [&](RowKind kind, int point) {
+    return RowId{kind, static_cast<std::uint8_t>(s), static_cast<std::uint8_t>(point),
+                 0};
+  };
+  const double speed = std::max(0.0, limits->speed_inside - frame.slack_v);
+  for (int i = 0; i < curves.v.rows(); ++i) {
+    const Vector3 v = curves.v.row(i);
+    if (v.squaredNorm() <= speed * speed) continue;
+    if (!worst(limits->speed, 0, limits->speed.size(), v, frame.slack_v,
+               row(RowKind::speed, i))) {
+      return;
+    }
+  }
+  const double acceleration =
+      std::max(0.0, limits->acceleration_inside - frame.slack_a);
+  for (int i = 0; i < curves.a.rows(); ++i) {
     const Vector3 a = curves.a.row(i);
-    if (a.squaredNorm() > limits->acceleration_inside * limits->acceleration_inside &&
-        !worst(limits->acceleration, 0, tilt_begin, a, RowKind::acceleration, i)) {
+    if (a.squaredNorm() <= acceleration * acceleration) continue;
+    if (!worst(limits->acceleration, 0, limits->acceleration.size(), a, frame.slack_a,
+               row(RowKind::acceleration, i))) {
       return;
     }
-    if (limits->tilt_rows == 0) continue;
-    const Vector3 f = a - limits->g_N;
-    const double bound = limits->tilt_slope * f.z() - limits->tilt_spare;
-    if (bound >= 0 && f.head<2>().squaredNorm() <= bound * bound) continue;
-    if (!worst(limits->acceleration, tilt_begin, limits->acceleration.size(), a,
-               RowKind::acceleration, i)) {
+  }
+  if (!limits->raised) return;
+
+  const auto& force = limits->force;
+  const double tilt_slack =
+      frame.slack_f * std::sqrt(1 + limits->tilt_slope * limits->tilt_slope);
+  for (int i = 0; i < curves.f.rows(); ++i) {
+    const Vector3 f = curves.f.row(i);
+    const double bound = limits->tilt_slope * f.z() - limits->tilt_spare - tilt_slack;
+    const bool upright = bound >= 0 && f.head<2>().squaredNorm() <= bound * bound;
+    if (!upright &&
+        !worst(force, 0, limits->tilt_rows, f, tilt_slack, row(RowKind::force, i))) {
       return;
     }
+    for (std::size_t k = limits->tilt_rows; k < force.size(); ++k) {
+      if (!worst(force, k, k + 1, f, frame.slack_f, row(RowKind::force, i))) return;
+    }
+  }
+  scan_body_rates(s, curves);
+}
+
+void LandingQp::Work::scan_body_rates(std::size_t s, const MotionCurves& curves) {
+  const auto& faces = limits->body_rate;
+  if (faces.empty()) return;
+  const SegmentFrame& frame = frames[s];
+  const double rate = faces[0].b;
+  const double slack = frame.slack_j + rate * frame.slack_f;
+  for (int i = 0; i < curves.j.rows(); ++i) {
+    const Vector3 j = curves.j.row(i);
+    const double f_z = curves.f(i, 2);
+    const double bound = rate * f_z - slack;
+    if (bound > 0 && j.squaredNorm() <= bound * bound) continue;
+    std::size_t at = 0;
+    for (std::size_t k = 1; k < faces.size(); ++k) {
+      if (faces[k].n.dot(j) > faces[at].n.dot(j)) at = k;
+    }
+    const double excess = faces[at].n.dot(j) - bound;
+    if (excess <= kJerkTolerance) continue;
+    const RowId row{RowKind::body_rate, static_cast<std::uint8_t>(s),
+                    static_cast<std::uint8_t>(i), static_cast<std::uint8_t>(at)};
+    const double spare = (faces[at].b_fixed - rate) * std::max(0.0, f_z);
+    if (!violated(row, excess, spare + slack)) return;
   }
 }
 
@@ -221,6 +276,7 @@ QpOutcome LandingQp::solve(const Reduction& reduction, const Corridor& corridor,
   w.limits = &limits;
   w.whitened = &whitened;
   w.reduction = &reduction;
+  w.frames = segment_frames(limits, reduction.T);
   w.outcome = &outcome;
   w.start();
   w.scan();

@@ -9,27 +9,27 @@
 
 namespace alight {
 
-enum class RowKind : std::uint8_t { position, speed, acceleration };
+enum class RowKind : std::uint8_t { position, speed, acceleration, force, body_rate };
 
 /// Names one row of eqn:MP_OPT: a plane or face at a control point of a curve.
 struct RowId {
   RowKind kind = RowKind::position;
   std::uint8_t segment = 0;
   std::uint8_t point = 0;
-  std::uint8_t face = 0;  ///< Index into planes, speed or acceleration rows.
+  std::uint8_t face = 0;  ///< Index into planes or the limit rows of that kind.
 
   bool operator==(const RowId&) const = default;
 };
 
 /// Gradient of a row by the variables: u if `basis` is Whitened::W, x if Reduction::M.
 Matrix73 row_gradient(const RowId& row, const Corridor& corridor,
-                      const DynamicLimitRows& limits,
+                      const DynamicLimitRows& limits, const SegmentFrames& frames,
                       const std::array<PointBasis, kSegments>& basis,
                       const std::array<Seconds, kSegments>& T);
 
 /// Left side of a row minus its bound, for given control points: positive is violated.
 double row_violation(const RowId& row, const Corridor& corridor,
-                     const DynamicLimitRows& limits,
+                     const DynamicLimitRows& limits, const SegmentFrames& frames,
                      const std::array<ControlPoints, kSegments>& c,
                      const std::array<Seconds, kSegments>& T);
 
@@ -37,7 +37,13 @@ Constraint row_meaning(const RowId& row, const Corridor& corridor,
                        const DynamicLimitRows& limits);
 
 struct QpOutcome {
-  enum class Kind : std::uint8_t { solved, fixed_row, infeasible, no_convergence };
+  enum class Kind : std::uint8_t {
+    solved,
+    fixed_row,  ///< A boundary state is outside, whatever the rest.
+    infeasible,
+    no_convergence,
+    yaw_rate,  ///< The heading cannot turn so fast (time allocation).
+  };
   Kind kind = Kind::infeasible;
   RowId blame;  ///< The row that cannot be met, unless solved.
   Matrix73 u;   ///< Whitened solution.

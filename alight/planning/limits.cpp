@@ -70,20 +70,30 @@ LimitPolyhedron make_polyhedron(Profile profile) {
   return polyhedron;
 }
 
+ThrustRange thrust_range(const PlannerConfig& config, const DroneSpec& drone) {
+  return {config.thrust_least_share * kGravity,
+          config.thrust_most_share * drone.thrust_to_weight * kGravity};
+}
+
+double heading_rate_max(const PlannerConfig& config, const DroneSpec& drone) {
+  // About its z axis the body turns by at most rate / cos(tilt) and what the tilt makes
+  // of its other rates.
+  const double tilt = std::min(config.tilt_max_deg, drone.tilt_max_deg) * kDegree;
+  const double left = config.yaw_rate_max_deg_s * kDegree -
+                      std::tan(tilt) * config.body_rate_max_deg_s * kDegree;
+  return std::max(0.2 * config.yaw_rate_max_deg_s * kDegree, left * std::cos(tilt));
+}
+
 DynamicLimitRows make_limits(const PlannerConfig& config, const Rig& rig,
                              const LimitPolyhedron& polyhedron,
-                             const PlatformState& platform, double factor) {
+                             const PlatformState& platform, double factor,
+                             const PlatformForecast& forecast) {
   DynamicLimitRows rows;
-  rows.v0 = platform.v_IN_N;
-  rows.a0 = platform.a_IN_N;
+  rows.platform = platform;
   rows.raised = !polyhedron.box;
-  if (!polyhedron.box) {
-    const Matrix3 w = hat(platform.w_IN_N);
-    rows.v_p = w;
-    rows.a_v = 2 * w;
-    rows.a_p = w * w + hat(platform.alpha_IN_N);
-  }
-  rows.turning = !rows.v_p.isZero(0) || !rows.a_p.isZero(0);
+  if (rows.raised) rows.forecast = forecast;
+  rows.turning = rows.raised && (rows.varying() || !platform.w_IN_N.isZero(0) ||
+                                 !platform.alpha_IN_N.isZero(0));
 
   const double speed = polyhedron.face_distance * rig.limits.speed_m_s;
   const double acceleration = polyhedron.face_distance * rig.limits.acceleration_m_s2;
@@ -97,35 +107,33 @@ DynamicLimitRows make_limits(const PlannerConfig& config, const Rig& rig,
   if (polyhedron.box) return rows;
 
   // |f_xy| <= tan(tilt) f_z by a cone of twelve sides inside it.
-  rows.g_N = gravity_N(platform);
   const double tilt = std::min(config.tilt_max_deg, rig.drone.tilt_max_deg) * kDegree;
   const double slope = std::cos(kPi / kTiltDirections) * std::tan(tilt);
   const double spare = (1 - factor) * slope * kGravity;
   for (int i = 0; i < kTiltDirections; ++i) {
     const double at = 2 * kPi * i / kTiltDirections;
     const Vector3 n(std::cos(at), std::sin(at), -slope);
-    const double b = n.dot(rows.g_N);
-    rows.acceleration.push_back({n, b - spare, b, Constraint::tilt});
+    rows.force.push_back({n, -spare, 0, Constraint::tilt});
   }
   rows.tilt_rows = kTiltDirections;
   rows.tilt_slope = slope;
   rows.tilt_spare = spare;
-  return rows;
-}
 
-MotionCurves motion_curves(const DynamicLimitRows& limits, const ControlPoints& c,
-                           Seconds T) {
-  const ControlPoints v = velocity_map(limits.raised).map * c / T;
-  MotionCurves curves;
-  curves.v = v;
-  curves.a = acceleration_map(limits.raised).map * c / (T * T);
-  if (limits.turning) {
-    curves.v += c * limits.v_p.transpose();
-    curves.a += v * limits.a_v.transpose() + c * limits.a_p.transpose();
+  // Within the cone |f| <= f_z / cos(tilt), and f_z <= |f| anyway.
+  const ThrustRange thrust = thrust_range(config, rig.drone);
+  const double most = thrust.most * std::cos(tilt);
+  const auto tightened = [&](double bound) {
+    return kGravity + factor * (bound - kGravity);
+  };
+  rows.force.push_back({Vector3::UnitZ(), tightened(most), most, Constraint::thrust});
+  rows.force.push_back(
+      {-Vector3::UnitZ(), -tightened(thrust.least), -thrust.least, Constraint::thrust});
+
+  const double rate = polyhedron.face_distance * config.body_rate_max_deg_s * kDegree;
+  for (const Vector3& n : polyhedron.normals) {
+    rows.body_rate.push_back({n, factor * rate, rate, Constraint::body_rate});
   }
-  curves.v.rowwise() += limits.v0.transpose();
-  curves.a.rowwise() += limits.a0.transpose();
-  return curves;
+  return rows;
 }
 
 }  // namespace alight

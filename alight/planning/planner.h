@@ -22,11 +22,18 @@ struct PlannerConfig {
   double touch_down_speed_m_s = 0.25;  ///< Downwards, relative, at the end.
   double end_yaw = 0;                  ///< Heading in N at the end, rad.
 
-  double view_border_px = 12;     ///< Kept free along the picture's edges.
-  double attitude_spare_deg = 2;  ///< Tracking error of the attitude, for visibility.
-  double tilt_max_deg = 15;       ///< Planned tilt, at most the drone's own bound.
-  double funnel_radius_m = 0.1;   ///< Half width of the funnel at the end height.
-  double funnel_slope_deg = 20;   ///< Of its walls against the horizontal.
+  double view_border_px = 12;       ///< Kept free along the picture's edges.
+  double view_wish_px = 60;         ///< More of it, where the corridor allows.
+  double attitude_spare_deg = 2;    ///< Tracking error of the attitude, for visibility.
+  double tilt_max_deg = 15;         ///< Planned tilt, at most the drone's own bound.
+  double thrust_least_share = 0.3;  ///< Of the weight: rotors keep their authority.
+  double thrust_most_share = 0.9;   ///< Of what the rotors give at most.
+  double body_rate_max_deg_s = 180;  ///< About the body's x and y, of any direction.
+  double yaw_rate_max_deg_s = 150;   ///< About its z.
+  double funnel_radius_m = 0.1;      ///< Half width of the funnel at the end height.
+  double funnel_slope_deg = 20;      ///< Of its walls against the horizontal.
+
+  double escape_clearance_m = 0.02;  ///< Of the gear above the pad while going around.
 
   int time_samples = 31;      ///< Per segment.
   double slowest_m_s = 0.25;  ///< Worst case of the mean speed: the longest times.
@@ -54,6 +61,7 @@ struct HalfSpace {
 struct LimitFace {
   Vector3 n = Vector3::Zero();
   double b = 0;
+  Constraint meaning = Constraint::speed;
 };
 
 /// The QP as solved for the chosen durations: minimize x'Px/2 + q'x, Ax = b, Gx <= h.
@@ -75,9 +83,16 @@ struct PlanDetails {
   double speed_m_s = 0;
   double acceleration_m_s2 = 0;
   std::vector<LimitFace> polyhedron;  ///< Of v_IB_N, a_IB_N, for a limit of 1.
+  std::vector<LimitFace> force;       ///< Of a_IB_N - g_N, m/s^2 (standard).
+  double thrust_least_m_s2 = 0, thrust_most_m_s2 = 0;
+  FlatState start, end;
   PlatformState platform;
-  PlanQp qp;  ///< Empty when no sample of the durations is feasible.
-  std::array<Seconds, kSegments> best{0, 0};  ///< Durations chosen.
+  /// The durations sampled, per segment: over the likely range and, if none of those is
+  /// feasible, over all that could be.
+  std::array<std::vector<Seconds>, kSegments> samples, wide_samples;
+  /// For `best`; empty when the start or the end is outside the corridor.
+  PlanQp qp;
+  std::array<Seconds, kSegments> best{0, 0};  ///< Durations chosen, or found wanting.
 };
 
 /// Landing Motion Planning of the paper: corridor (eqn:MP_KINE), Bezier QP
@@ -96,6 +111,10 @@ class Planner {
   /// The same plan, bit for bit, with what it was made from. Fails only for a request
   /// that holds no numbers; of an infeasible one the result and the corridor are told.
   Result<PlanDetails> explain(const PlanRequest& request) const;
+
+  /// The way back to the rear space from any state (`from`, at `start`) of a landing:
+  /// the cheapest of a fixed set of durations, certified. Standard profile.
+  Escape escape(const PlanRequest& request) const;
 
   const PlannerConfig& config() const { return config_; }
 

@@ -10,11 +10,12 @@ namespace {
 // acceleration there: 7 (c1 - c0) = v T, 42 (c2 - 2 c1 + c0) = a T^2.
 constexpr double kV = 1.0 / 7;
 constexpr double kA = 1.0 / 42;
+constexpr double kJ = 1.0 / 210;
 
 }  // namespace
 
 Reduction::Reduction(const FlatState& start, const FlatState& end,
-                     const std::array<Seconds, kSegments>& durations)
+                     const std::array<Seconds, kSegments>& durations, bool keep_jerk)
     : h(std::min(durations[0], durations[1])), T(durations) {
   const double r1 = T[0] / h;
   const double r2 = T[1] / h;
@@ -26,7 +27,14 @@ Reduction::Reduction(const FlatState& start, const FlatState& end,
   m0[0].row(1) = row(start.p_NB + kV * T[0] * start.v_NB);
   m0[0].row(2) =
       row(start.p_NB + 2 * kV * T[0] * start.v_NB + kA * T[0] * T[0] * start.a_NB);
-  M[0](0, 3) = 1;
+  if (keep_jerk) {
+    // 210 (c3 - 3 c2 + 3 c1 - c0) = j T^3
+    m0[0].row(3) =
+        row(start.p_NB + 3 * kV * T[0] * start.v_NB +
+            3 * kA * T[0] * T[0] * start.a_NB + kJ * T[0] * T[0] * T[0] * start.j_NB);
+  } else {
+    M[0](0, 3) = 1;
+  }
   M[0](1, 4) = 1;
   M[0].col(5).segment<3>(2) << 1, -2 * kV * r1, kA * r1 * r1;
   M[0].col(6).segment<3>(2) << 1, -kV * r1, 0;
@@ -54,6 +62,7 @@ Reduction::Reduction(const FlatState& start, const FlatState& end,
     g.noalias() += GB.transpose() * b;
     k += weight * (jerk_gram() * b).cwiseProduct(b).sum();
   }
+  if (keep_jerk) H(0, 0) = 1;
 }
 
 Whitened::Whitened(const Reduction& reduction) {

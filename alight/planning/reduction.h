@@ -29,8 +29,10 @@ struct Reduction {
   Matrix73 g;  ///< A column per axis.
   double k = 0;
 
+  /// @param keep_jerk  The start's jerk holds too: c3 is then fixed, and the first
+  ///                   variable of each axis moves nothing (it costs x^2 / h^5).
   Reduction(const FlatState& start, const FlatState& end,
-            const std::array<Seconds, kSegments>& durations);
+            const std::array<Seconds, kSegments>& durations, bool keep_jerk = false);
 
   /// Control points of segment `s` for the variables x, a column per axis.
   ControlPoints points(std::size_t s, const Matrix73& x) const {

@@ -4,7 +4,16 @@
 #include <cmath>
 #include <limits>
 
+#include "alight/planning/bernstein.h"
+
 namespace alight {
+namespace {
+
+constexpr int kWideSamples = 21;
+constexpr Seconds kBriefest = 0.12;
+constexpr double kWidest = 2.5;  ///< Times the longest of the likely range.
+
+}  // namespace
 
 TimeRange time_range(const PlannerConfig& config, const Rig& rig,
                      const PlanRequest& request, const FlatState& end) {
@@ -29,37 +38,96 @@ TimeRange time_range(const PlannerConfig& config, const Rig& rig,
     range.longest[s] = std::max(
         {4 * config.shortest_s, 2 * range.shortest[s], length / config.slowest_m_s});
   }
+  if (config.profile == Profile::standard) {
+    // Time to turn: a quintic's greatest rate is 1.875 times its mean.
+    const double turn = std::abs(wrap_angle(end.yaw - request.from.yaw));
+    const double rate =
+        heading_rate_max(config, rig.drone) - std::abs(request.platform.w_IN_N.z());
+    if (rate > 0) range.longest[0] = std::max(range.longest[0], 2.5 * turn / rate);
+  }
   return range;
 }
 
-Allocation allocate_time(const PlannerConfig& config, const TimeRange& range,
-                         const FlatState& start, const FlatState& end,
-                         const Corridor& corridor, const DynamicLimitRows& tightened,
+TimeSamples even_samples(const PlannerConfig& config, const TimeRange& range) {
+  TimeSamples samples;
+  const int n = config.time_samples;
+  for (std::size_t s = 0; s < kSegments; ++s) {
+    for (int i = 0; i < n; ++i) {
+      const double share = n > 1 ? static_cast<double>(i) / (n - 1) : 1.0;
+      samples[s].push_back(range.shortest[s] +
+                           share * (range.longest[s] - range.shortest[s]));
+    }
+  }
+  return samples;
+}
+
+TimeSamples wide_samples(const TimeRange& range) {
+  TimeSamples samples;
+  for (std::size_t s = 0; s < kSegments; ++s) {
+    const Seconds longest = kWidest * range.longest[s];
+    for (int i = 0; i < kWideSamples; ++i) {
+      const double share = static_cast<double>(i) / (kWideSamples - 1);
+      samples[s].push_back(kBriefest * std::pow(longest / kBriefest, share));
+    }
+  }
+  return samples;
+}
+
+bool heading_fits(const FlatState& start, const FlatState& end, Seconds T, double rate,
+                  double platform_rate) {
+  const double turn = wrap_angle(end.yaw - start.yaw);
+  if (turn == 0 && start.yaw_rate == 0 && start.yaw_acceleration == 0) {
+    return platform_rate <= rate;
+  }
+  // Control points of the quintic (Trajectory), then of its derivative.
+  const double y1 = start.yaw_rate * T / 5;
+  const double y2 = 2 * y1 + start.yaw_acceleration * T * T / 20;
+  const std::array<double, 6> y{0, y1, y2, turn, turn, turn};
+  std::array<double, 5> up, down;
+  for (std::size_t i = 0; i < up.size(); ++i) {
+    up[i] = 5 / T * (y[i + 1] - y[i]);
+    down[i] = -up[i];
+  }
+  const double most = std::max(bernstein_maximum(up.data(), 5, 1e-3),
+                               bernstein_maximum(down.data(), 5, 1e-3));
+  return most + platform_rate <= rate;
+}
+
+Allocation allocate_time(const AllocationTask& task, const TimeSamples& samples,
                          LandingQp& qp) {
   Allocation allocation;
-  const int n = config.time_samples;
-  const auto duration = [&](std::size_t s, int i) {
-    const double share = n > 1 ? static_cast<double>(i) / (n - 1) : 1.0;
-    return range.shortest[s] + share * (range.longest[s] - range.shortest[s]);
+  // A failure that leaves no way says more than a boundary state that some times
+  // forbid.
+  const auto fail = [&](QpOutcome::Kind kind, const RowId& blame,
+                        const std::array<Seconds, kSegments>& T) {
+    const bool more = kind != QpOutcome::Kind::fixed_row ||
+                      allocation.failure == QpOutcome::Kind::fixed_row;
+    if (!more) return;
+    allocation.failure = kind;
+    allocation.blame = blame;
+    allocation.blamed = T;
   };
   double least = std::numeric_limits<double>::infinity();
-  for (int i = 0; i < n; ++i) {
-    for (int j = 0; j < n; ++j) {
-      const std::array<Seconds, kSegments> T{duration(0, i), duration(1, j)};
-      const QpOutcome outcome = qp.solve(Reduction(start, end, T), corridor, tightened);
+  for (const Seconds first : samples[0]) {
+    for (const Seconds second : samples[1]) {
+      const std::array<Seconds, kSegments> T{first, second};
       ++allocation.tried;
+      if (task.heading_rate > 0 &&
+          !heading_fits(task.start, task.end, first + second, task.heading_rate,
+                        task.platform_rate)) {
+        fail(QpOutcome::Kind::yaw_rate, {}, T);
+        continue;
+      }
+      const QpOutcome outcome =
+          qp.solve(Reduction(task.start, task.end, T, task.keep_jerk), task.corridor,
+                   task.limits);
       if (!outcome.solved()) {
-        // What leaves no way says more than a boundary state that some times forbid.
-        const bool more = outcome.kind != QpOutcome::Kind::fixed_row ||
-                          allocation.failure == QpOutcome::Kind::fixed_row;
-        if (more) {
-          allocation.failure = outcome.kind;
-          allocation.blame = outcome.blame;
-        }
+        fail(outcome.kind, outcome.blame, T);
         continue;
       }
       ++allocation.feasible;
-      const double cost = outcome.jerk_cost + config.time_weight * (T[0] + T[1]);
+      const double cost =
+          outcome.jerk_cost + task.config.time_weight * (first + second);
       if (cost >= least) continue;
       least = cost;
       allocation.best = T;

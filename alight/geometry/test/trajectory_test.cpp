@@ -90,5 +90,23 @@ TEST(Trajectory, YawGoesOverSmoothly) {
   }
 }
 
+TEST(Trajectory, YawTakesUpTheRateAndAccelerationOfItsStart) {
+  Trajectory c = random_trajectory(7);
+  c.yaw_rate_start = 0.4;
+  c.yaw_acceleration_start = -0.7;
+  EXPECT_NEAR(c.at(0).yaw_rate, 0.4, 1e-9);
+  EXPECT_NEAR(c.at(0).yaw_acceleration, -0.7, 1e-9);
+  EXPECT_NEAR(wrap_angle(c.at(c.duration()).yaw - c.yaw_end), 0, 1e-9);
+  EXPECT_NEAR(c.at(c.duration()).yaw_rate, 0, 1e-9);
+  EXPECT_NEAR(c.at(c.duration()).yaw_acceleration, 0, 1e-9);
+  constexpr double h = 1e-5;
+  for (double t = 0.05; t < c.duration() - 0.05; t += 0.1) {
+    const double slope = wrap_angle(c.at(t + h).yaw - c.at(t - h).yaw) / (2 * h);
+    const double bend = (c.at(t + h).yaw_rate - c.at(t - h).yaw_rate) / (2 * h);
+    EXPECT_NEAR(slope, c.at(t).yaw_rate, 1e-5);
+    EXPECT_NEAR(bend, c.at(t).yaw_acceleration, 1e-5);
+  }
+}
+
 }  // namespace
 }  // namespace alight

@@ -7,6 +7,27 @@
 namespace alight {
 namespace {
 
+/// A curve by its Bernstein coefficients, one a row.
+Vector3 value(const MotionPoints& c, double u) {
+  MotionPoints b = c;
+  for (Eigen::Index level = c.rows() - 1; level > 0; --level) {
+    for (Eigen::Index i = 0; i < level; ++i) {
+      b.row(i) = (1 - u) * b.row(i) + u * b.row(i + 1);
+    }
+  }
+  return b.row(0);
+}
+
+FlatState state_at(const ControlPoints& c, double u, Seconds T) {
+  std::array<Vector3, kControlPoints> p;
+  for (int k = 0; k < kControlPoints; ++k) {
+    p[static_cast<std::size_t>(k)] = c.row(k).transpose();
+  }
+  FlatState state;
+  evaluate_bezier(p, u, T, state);
+  return state;
+}
+
 TEST(LimitPolyhedron, LiesInTheBallAndFillsMostOfIt) {
   const LimitPolyhedron polyhedron = make_polyhedron(Profile::standard);
   EXPECT_GE(polyhedron.normals.size(), 20u);
@@ -42,24 +63,23 @@ TEST(DynamicLimits, CurvesAreTheMotionSeenFromI) {
     ControlPoints c;
     for (double& value : c.reshaped()) value = rng.uniform(-1, 1);
     const double T = rng.uniform(0.5, 3);
-    const MotionCurves curves = motion_curves(rows, c, T);
-    std::array<Vector3, kControlPoints> p, v, a;
-    for (int k = 0; k < kControlPoints; ++k) {
-      const auto at = static_cast<std::size_t>(k);
-      p[at] = c.row(k).transpose();
-      v[at] = curves.v.row(k).transpose();
-      a[at] = curves.a.row(k).transpose();
-    }
+    const MotionCurves curves =
+        motion_curves(rows, segment_frames(rows, {T, T})[0], c, T);
     const double u = rng.uniform();
-    FlatState at, v_at, a_at;
-    evaluate_bezier(p, u, T, at);
-    evaluate_bezier(v, u, T, v_at);
-    evaluate_bezier(a, u, T, a_at);
-    EXPECT_LT((v_at.p_NB - inertial_velocity_N(platform, at.p_NB, at.v_NB)).norm(),
-              1e-10);
-    EXPECT_LT((a_at.p_NB - inertial_acceleration_N(platform, at.p_NB, at.v_NB, at.a_NB))
-                  .norm(),
-              1e-9);
+    const FlatState at = state_at(c, u, T);
+    EXPECT_LT(
+        (value(curves.v, u) - inertial_velocity_N(platform, at.p_NB, at.v_NB)).norm(),
+        1e-10);
+    const Vector3 a = inertial_acceleration_N(platform, at.p_NB, at.v_NB, at.a_NB);
+    EXPECT_LT((value(curves.a, u) - a).norm(), 1e-9);
+    EXPECT_LT((value(curves.f, u) - (a - gravity_N(platform))).norm(), 1e-9);
+    // The jerk in I: the force's rate there, by differences.
+    const double h = 1e-5;
+    const auto f_I = [&](double s) -> Vector3 {
+      return so3_exp(platform.w_IN_N * (s - u) * T) * value(curves.a, s);
+    };
+    const Vector3 j = (f_I(u + h) - f_I(u - h)) / (2 * h * T);
+    EXPECT_LT((value(curves.j, u) - j).norm(), 1e-4 * (1 + j.norm()));
   }
 }
 
