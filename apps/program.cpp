@@ -39,6 +39,7 @@ int run_program(int argc, char** argv) {
   add_render(app, job);
   add_measure(app, job);
   add_eval(app, job);
+  add_reproduce(app, job);
 
   try {
     app.parse(argc, argv);
