@@ -34,7 +34,11 @@ class Scorer {
     ++score_.returned;
     const double p = (report.x.p_NB - truth.X_NB.translation()).norm();
     const double R = angle_between(report.x.R_NB, truth.X_NB.linear());
-    if (p < kTrackedM && R < kTrackedRad) ++score_.correct;
+    if (p < kTrackedM && R < kTrackedRad) {
+      ++score_.correct;
+      position_correct_ += p * p;
+      rotation_correct_ += R * R;
+    }
     position_ += p * p;
     rotation_ += R * R;
     velocity_ += (report.x.v_NB - truth.v_NB).squaredNorm();
@@ -43,12 +47,14 @@ class Scorer {
 
   MethodScore score() const {
     MethodScore s = score_;
-    const auto root = [&](double sum) {
-      return s.returned > 0 ? std::sqrt(sum / s.returned) : kNaN;
+    const auto root = [](double sum, int count) {
+      return count > 0 ? std::sqrt(sum / count) : kNaN;
     };
-    s.position_rmse_m = root(position_);
-    s.rotation_rmse_deg = root(rotation_) / kDegree;
-    s.velocity_rmse_m_s = root(velocity_);
+    s.position_rmse_m = root(position_, s.returned);
+    s.rotation_rmse_deg = root(rotation_, s.returned) / kDegree;
+    s.velocity_rmse_m_s = root(velocity_, s.returned);
+    s.position_correct_rmse_m = root(position_correct_, s.correct);
+    s.rotation_correct_rmse_deg = root(rotation_correct_, s.correct) / kDegree;
     s.us_p50 = percentile(us_, 0.5);
     s.us_p99 = percentile(us_, 0.99);
     return s;
@@ -57,6 +63,7 @@ class Scorer {
  private:
   MethodScore score_;
   double position_ = 0, rotation_ = 0, velocity_ = 0;
+  double position_correct_ = 0, rotation_correct_ = 0;
   std::vector<double> us_;
 };
 
@@ -288,6 +295,8 @@ std::string reproduce_json(const ReproduceOptions& options,
         {"position_rmse_m", number_or_null(s.position_rmse_m)},
         {"rotation_rmse_deg", number_or_null(s.rotation_rmse_deg)},
         {"velocity_rmse_m_s", number_or_null(s.velocity_rmse_m_s)},
+        {"position_correct_rmse_m", number_or_null(s.position_correct_rmse_m)},
+        {"rotation_correct_rmse_deg", number_or_null(s.rotation_correct_rmse_deg)},
         {"us", {{"p50", s.us_p50}, {"p99", s.us_p99}}}};
   }
   return json.dump(2) + "\n";
