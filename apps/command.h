@@ -16,6 +16,7 @@ void add_detect(CLI::App& app, Job& job);
 void add_plan(CLI::App& app, Job& job);
 void add_land(CLI::App& app, Job& job);
 void add_campaign(CLI::App& app, Job& job);
-void add_reproduce(CLI::App& app, Job& job);
+void add_calibrate(CLI::App& app, Job& job);
 void add_render(CLI::App& app, Job& job);
 void add_measure(CLI::App& app, Job& job);
+void add_reproduce(CLI::App& app, Job& job);

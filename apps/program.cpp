@@ -33,6 +33,7 @@ int run_program(int argc, char** argv) {
   Job job;
   add_land(app, job);
   add_campaign(app, job);
+  add_calibrate(app, job);
   add_track(app, job);
   add_detect(app, job);
   add_plan(app, job);
