@@ -30,7 +30,8 @@ struct MethodScore {
   double velocity_rmse_m_s = 0;
   double position_correct_rmse_m = 0;  ///< Over the correct ones.
   double rotation_correct_rmse_deg = 0;
-  double us_p50 = 0, us_p99 = 0;  ///< Of a picture, by the machine's clock.
+  double us_p50 = 0, us_p99 = 0;  ///< Processor time of a picture; `loop`: of the
+                                  ///< whole step that used it, by the clock.
   PoseLog estimate;
 };
 

@@ -102,7 +102,7 @@ ScriptedFlight::ScriptedFlight(PaperRow row, const Rig& rig, const Matrix3& R_FB
   Rng block = rng.fork("block");
   const double near = -0.45 + block.uniform(-0.08, 0.08);
   const double far = -1.65 + block.uniform(-0.1, 0.1);
-  const double half = 0.45 + block.uniform(-0.05, 0.05);
+  const double half = 0.4 + block.uniform(-0.05, 0.05);
   const double up = 0.6 + block.uniform(-0.1, 0.1);
   const double side = block.chance(0.5) ? 1 : -1;
   const Vector3 round[4] = {{near, side * half, up},
