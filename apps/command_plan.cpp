@@ -78,6 +78,7 @@ Json limits_json(const PlanDetails& plan, const PlannerConfig& config) {
   json["tilt_deg"] = config.tilt_max_deg;
   json["thrust_m_s2"] = {plan.thrust_least_m_s2, plan.thrust_most_m_s2};
   json["body_rate_rad_s"] = config.body_rate_max_deg_s * kDegree;
+  json["heading_rate_rad_s"] = plan.heading_rate_rad_s;
   json["yaw_rate_rad_s"] = config.yaw_rate_max_deg_s * kDegree;
   return json;
 }

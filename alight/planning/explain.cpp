@@ -144,6 +144,7 @@ Result<PlanDetails> Planner::explain(const PlanRequest& request) const {
   const ThrustRange thrust = thrust_range(config_, setting_->rig.drone);
   details.thrust_least_m_s2 = thrust.least;
   details.thrust_most_m_s2 = thrust.most;
+  details.heading_rate_rad_s = heading_rate_max(config_, setting_->rig.drone);
   return details;
 }
 

@@ -72,11 +72,7 @@ AllocationTask Planner::Setting::allocation_task(const PlanRequest& request,
                       .limits = limits};
   if (config.profile == Profile::paper) return task;
   task.heading_rate = heading_rate_max(config, rig.drone);
-  task.platform_rate = std::abs(request.platform.w_IN_N.z());
-  if (limits.varying()) task.platform_rate = 0;
-  for (const PlatformNode& node : request.forecast.nodes) {
-    task.platform_rate = std::max(task.platform_rate, std::abs(node.w_IN_N.z()));
-  }
+  task.request = &request;
   return task;
 }
 
@@ -111,18 +107,17 @@ bool Planner::Setting::run_from(Beginning beginning, const PlanRequest& request,
         allocation_task(request, from, end, corridor, tightened);
     const AllocationTask full = allocation_task(request, from, end, corridor, limits);
     const TimeSamples even = even_samples(config, range);
-    Allocation allocation = allocate_time(tight, even, qp);
-    result.tried = allocation.tried;
-    result.feasible = allocation.feasible;
+    const auto attempt = [&](const AllocationTask& task, const TimeSamples& samples) {
+      const Allocation found = allocate_time(task, samples, qp);
+      result.tried += found.tried;
+      result.feasible = found.feasible;
+      return found;
+    };
+    Allocation allocation = attempt(tight, even);
+    if (allocation.feasible == 0) allocation = attempt(full, even);
     if (allocation.feasible == 0) {
-      allocation = allocate_time(full, even, qp);
-      if (allocation.feasible == 0) {
-        const Allocation wide = allocate_time(full, wide_samples(range), qp);
-        if (wide.feasible > 0) allocation = wide;
-        result.tried += wide.tried;
-      }
-      result.tried += allocation.tried;
-      result.feasible = allocation.feasible;
+      const Allocation wide = attempt(full, wide_samples(range));
+      if (wide.feasible > 0) allocation = wide;
     }
     if (details != nullptr) {
       details->samples = even;
@@ -140,7 +135,7 @@ bool Planner::Setting::run_from(Beginning beginning, const PlanRequest& request,
     const AllocationTask task = allocation_task(request, from, end, corridor, limits);
     result.tried = 1;
     if (task.heading_rate > 0 &&
-        !heading_fits(from, end, T[0] + T[1], task.heading_rate, task.platform_rate)) {
+        !heading_fits(request, from, end, T[0] + T[1], task.heading_rate)) {
       return refused(cannot_be_met(Constraint::yaw_rate));
     }
   }

@@ -85,6 +85,7 @@ struct PlanDetails {
   std::vector<LimitFace> polyhedron;  ///< Of v_IB_N, a_IB_N, for a limit of 1.
   std::vector<LimitFace> force;       ///< Of a_IB_N - g_N, m/s^2 (standard).
   double thrust_least_m_s2 = 0, thrust_most_m_s2 = 0;
+  double heading_rate_rad_s = 0;  ///< Of the heading, seen from I (standard).
   FlatState start, end;
   PlatformState platform;
   /// The durations sampled, per segment: over the likely range and, if none of those is

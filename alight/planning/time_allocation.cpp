@@ -73,8 +73,18 @@ TimeSamples wide_samples(const TimeRange& range) {
   return samples;
 }
 
-bool heading_fits(const FlatState& start, const FlatState& end, Seconds T, double rate,
-                  double platform_rate) {
+bool heading_fits(const PlanRequest& request, const FlatState& start,
+                  const FlatState& end, Seconds T, double rate) {
+  double platform_rate = std::abs(request.platform.w_IN_N.z());
+  const PlatformForecast& forecast = request.forecast;
+  if (!forecast.nodes.empty()) {
+    platform_rate = 0;
+    const Seconds last = forecast.begin + T + forecast.step;
+    for (std::size_t i = 0; i < forecast.nodes.size(); ++i) {
+      if (static_cast<double>(i) * forecast.step > last) break;
+      platform_rate = std::max(platform_rate, std::abs(forecast.nodes[i].w_IN_N.z()));
+    }
+  }
   const double turn = wrap_angle(end.yaw - start.yaw);
   if (turn == 0 && start.yaw_rate == 0 && start.yaw_acceleration == 0) {
     return platform_rate <= rate;
@@ -112,9 +122,8 @@ Allocation allocate_time(const AllocationTask& task, const TimeSamples& samples,
     for (const Seconds second : samples[1]) {
       const std::array<Seconds, kSegments> T{first, second};
       ++allocation.tried;
-      if (task.heading_rate > 0 &&
-          !heading_fits(task.start, task.end, first + second, task.heading_rate,
-                        task.platform_rate)) {
+      if (task.heading_rate > 0 && !heading_fits(*task.request, task.start, task.end,
+                                                 first + second, task.heading_rate)) {
         fail(QpOutcome::Kind::yaw_rate, {}, T);
         continue;
       }

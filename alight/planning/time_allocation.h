@@ -24,9 +24,9 @@ TimeSamples even_samples(const PlannerConfig& config, const TimeRange& range);
 TimeSamples wide_samples(const TimeRange& range);
 
 /// Whether the heading gets from start to end in `T` s at no more than `rate` rad/s
-/// seen from I, the platform turning at up to `platform_rate`.
-bool heading_fits(const FlatState& start, const FlatState& end, Seconds T, double rate,
-                  double platform_rate);
+/// seen from I, over the platform of `request`.
+bool heading_fits(const PlanRequest& request, const FlatState& start,
+                  const FlatState& end, Seconds T, double rate);
 
 struct Allocation {
   std::array<Seconds, kSegments> best{0, 0};
@@ -43,7 +43,7 @@ struct AllocationTask {
   FlatState start, end;
   bool keep_jerk = false;
   double heading_rate = 0;  ///< rad/s, the most; 0: headings are not looked at (paper).
-  double platform_rate = 0;  ///< rad/s, the platform's most.
+  const PlanRequest* request = nullptr;  ///< Whose platform turns (heading_rate > 0).
   const Corridor& corridor;
   const DynamicLimitRows& limits;
 };

@@ -135,8 +135,8 @@ class Platform:
 class Rows:
     """A x <= b and E x = e, rebuilt from a document."""
 
-    def __init__(self, plan, durations, paper, tightening=1.0):
-        self.A, self.b, self.fixed = [], [], []
+    def __init__(self, plan, durations, paper):
+        self.A, self.b = [], []
         self.build_equalities(plan, durations)
         for h in plan["halfspaces"]:
             curve = Affine.position(h["segment"])
@@ -168,6 +168,10 @@ class Rows:
             v_I = v + p.crossed(w) + Affine.known(v_IN)
             a_I = (a + 2.0 * v.crossed(w) + p.crossed(w).crossed(w) + p.crossed(alpha)
                    + Affine.known(a_IN))
+            # The document's rows are control points of this degree: higher, closer.
+            degree = DEGREE + 3 if platform.varying else DEGREE
+            v_I = Affine(raise_degree(v_I.rows, degree))
+            a_I = Affine(raise_degree(a_I.rows, degree))
         for face in limits["polyhedron"]:
             n = np.array(face["n"])
             self.add(v_I, n, face["b"] * limits["speed_m_s"])
@@ -236,37 +240,36 @@ class Rows:
         return found.x[-1]
 
 
-def bernstein(points, u, order=0):
-    """Curve of control points (n x 3) at u; no derivative by formula."""
+def bernstein(points, u):
+    """Curve of control points (n x 3) at u."""
     n = len(points) - 1
     basis = np.array([binomial(n, i) * u**i * (1 - u)**(n - i) for i in range(n + 1)])
     return basis.T @ points
 
 
-def rotations(platform, t):
-    """R_IN at times t (uniform, from 0) and the origin of N in I, by fine steps."""
-    steps = 4
-    dt = (t[1] - t[0]) / steps
-    R = np.eye(3)
-    p = np.zeros(3)
-    out_R, out_p = [R], [p]
-    for k in range((len(t) - 1) * steps):
-        at = t[0] + (k + 0.5) * dt
-        w = platform.w + (platform.alpha * at if platform.varying else 0)
-        v = platform.v + (platform.dv * at if platform.varying else 0)
-        turn = w * dt
-        angle = np.linalg.norm(turn)
-        K = np.array([[0, -turn[2], turn[1]], [turn[2], 0, -turn[0]],
-                      [-turn[1], turn[0], 0]])
-        s = 1.0 if angle < 1e-9 else math.sin(angle) / angle
-        c = 0.5 if angle < 1e-5 else (1 - math.cos(angle)) / angle**2
-        half = np.eye(3) + 0.5 * K + K @ K / 8
-        p = p + R @ (half @ v) * dt
-        R = R @ (np.eye(3) + s * K + c * K @ K)
-        if (k + 1) % steps == 0:
-            out_R.append(R)
-            out_p.append(p)
-    return np.array(out_R), np.array(out_p)
+def driven(platform, t):
+    """R_IN and the origin of N in I at times t from 0: N turns about its own z."""
+    assert not platform.w[:2].any() and not platform.alpha[:2].any()
+    rate = platform.alpha[2] if platform.varying else 0.0
+    change = platform.dv if platform.varying else np.zeros(3)
+
+    def velocity(at):
+        angle = platform.w[2] * at + 0.5 * rate * at**2
+        v = platform.v + np.outer(at, change)
+        c, s = np.cos(angle), np.sin(angle)
+        return np.stack([c * v[:, 0] - s * v[:, 1], s * v[:, 0] + c * v[:, 1],
+                         v[:, 2]]).T
+
+    dt = t[1] - t[0]
+    step = dt / 6 * (velocity(t[:-1]) + 4 * velocity(t[:-1] + dt / 2) + velocity(t[1:]))
+    origin = np.vstack([np.zeros(3), np.cumsum(step, axis=0)])
+    angle = platform.w[2] * t + 0.5 * rate * t**2
+    R = np.zeros((len(t), 3, 3))
+    R[:, 0, 0] = R[:, 1, 1] = np.cos(angle)
+    R[:, 1, 0] = np.sin(angle)
+    R[:, 0, 1] = -R[:, 1, 0]
+    R[:, 2, 2] = 1
+    return R, origin
 
 
 def flown(plan):
@@ -279,7 +282,7 @@ def flown(plan):
     p_N = np.vstack([bernstein(c[0], t[first] / T[0]),
                      bernstein(c[1], (t[~first] - T[0]) / T[1])])
     platform = Platform(plan["platform"])
-    R, origin = rotations(platform, t)
+    R, origin = driven(platform, t)
     p_I = origin + np.einsum("nij,nj->ni", R, p_N)
     v = (p_I[2:] - p_I[:-2]) / 2e-3
     a = (p_I[2:] - 2 * p_I[1:-1] + p_I[:-2]) / 1e-6
@@ -406,9 +409,18 @@ def check(plan, profile, rng, others):
         return broken
     samples = plan["samples"]["durations_s"]
     pairs = [plan["durations_s"]] if min(plan["durations_s"]) > 0 else []
+    if not pairs:
+        samples = [[0.5, 1.0, 2.0]] * 2  # Outside at once: at any durations at all.
     for _ in range(others):
         pairs.append([float(rng.choice(samples[s])) for s in range(2)])
+    if len(plan["samples"].get("wide_durations_s", [[]])[0]) > 0:
+        wide = plan["samples"]["wide_durations_s"]
+        pairs.append([float(rng.choice(wide[s])) for s in range(2)])
+    platform = Platform(plan["platform"])
     for T in pairs:
+        turning = abs(platform.w[2]) + abs(platform.alpha[2]) * (sum(T) + 1)
+        if turning > plan["limits"].get("heading_rate_rad_s", math.inf):
+            continue  # That the heading cannot follow is no row.
         least = Rows(plan, T, paper).least_violation()
         if least <= -1e-9:
             broken.append(f"refused ({plan['reason']}), yet in {T} s there is a way "
