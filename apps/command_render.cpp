@@ -1,6 +1,7 @@
 #include <unistd.h>
 
 #include <cstdio>
+#include <iostream>
 #include <memory>
 
 #include "alight/io/files.h"
@@ -14,6 +15,7 @@ namespace {
 struct Settings {
   SequenceSettings sequence;
   std::string out;
+  bool json = false;
 };
 
 Result<void> render(const Settings& settings) {
@@ -27,7 +29,11 @@ Result<void> render(const Settings& settings) {
   };
   const auto saved = save_sequence(settings.out, *options, progress);
   if (told) std::fprintf(stderr, "\r\033[K");
-  if (!saved) return saved;
+  if (!saved) return fail(saved.error());
+  if (settings.json) {
+    std::cout << *saved;
+    return {};
+  }
   std::printf("%d pictures in %s; try: alight track %s --rig %s/rig.yaml\n",
               options->frames, settings.out.c_str(), settings.out.c_str(),
               settings.out.c_str());
@@ -47,6 +53,7 @@ void add_render(CLI::App& app, Job& job) {
   command->add_option("--out", settings->out, "Folder for the pictures")
       ->required()
       ->check(named());
+  command->add_flag("--json", settings->json, "One JSON document");
   command->callback(
       [settings, &job] { job = [settings] { return render(*settings); }; });
 }

@@ -12,10 +12,12 @@ namespace alight {
 namespace {
 
 constexpr Seconds kStep = 1.0 / 60;    // between the instants that are checked
+constexpr Seconds kStride = 0.05;      // while the pace is looked for
 constexpr Seconds kDifference = 1e-3;  // for derivatives: the path is smooth
 constexpr double kSlowestPart = 0.85;  // of the top speed
 constexpr double kGround = 0.02;       // m, LEDs above the pad's plane
 constexpr int kDraws = 4000;
+constexpr int kHopeless = 1500;  // draws without a flight that does
 constexpr int kPaceSteps = 8;
 
 /// A smooth minimum, at most 0.7 / 40 below the true one.
@@ -74,7 +76,7 @@ FlightPath::Wave::Wave(Rng rng, double pace, Seconds duration) {
     phase_[k] = rng.uniform(0, 2 * kPi);
   }
   double low = sum(0), high = low;
-  for (Seconds t = 0; t <= duration; t += kStep) {
+  for (Seconds t = 0; t <= duration; t += kStride) {
     low = std::min(low, sum(t));
     high = std::max(high, sum(t));
   }
@@ -161,7 +163,7 @@ RelativeState FlightPath::at(Seconds t) const {
 
 double FlightPath::top_speed() const {
   double top = 0;
-  for (Seconds t = 0; t <= duration_; t += kStep) {
+  for (Seconds t = 0; t <= duration_; t += kStride) {
     top = std::max(top, velocity(t).norm());
   }
   return top;
@@ -175,7 +177,8 @@ bool FlightPath::holds(const FlightPathConfig& config, const Rig& rig) {
     const RelativeState x = at(t);
     const Vector3 to_lens = X_NC_.translation() - x.p_NB;
     if (to_lens.norm() < config.range_min_m || to_lens.norm() > config.range_max_m ||
-        x.R_NB(2, 2) < upright || !above_ground(rig, x.X_NB()) ||
+        x.v_NB.norm() > config.speed_m_s || x.R_NB(2, 2) < upright ||
+        !above_ground(rig, x.X_NB()) ||
         angle_between(before, x.R_NB) > config.turn_rate_rad_s * kStep) {
       return false;
     }
@@ -209,8 +212,9 @@ Result<FlightPath> FlightPath::draw(const FlightPathConfig& config, const Rig& r
       }
       pace *= wanted / speed;
     }
-    if (best && (best->close_share_ >= config.close_share || k > kDraws / 4)) {
-      return *best;
+    if (best ? best->close_share_ >= config.close_share || k > kDraws / 4
+             : k > kHopeless) {
+      break;
     }
   }
   if (best) return *best;

@@ -45,61 +45,77 @@ Result<std::vector<FrameScore>> measure_one(const SequenceOptions& one,
   }
 }
 
-/// Figures over the frames, gathered over all sequences.
+/// What the figures are made of, gathered over all flights.
 struct Gathered {
   std::vector<double> position, rotation, velocity, settled, nees_pose, nees_state;
-  std::vector<double> cpu_us, found_us, start_frames;
+  std::vector<double> tracking_us, starting_us, start_frames;
   double nis = 0;
-  int observations = 0, frames = 0, tracked = 0, wrong = 0, surely = 0, lost = 0;
-  int never = 0;
-  Json surely_wrong = Json::array();
-
-  void add(const MeasuredSequence& sequence);
+  int observations = 0;
+  int tracked = 0;
 };
 
-void Gathered::add(const MeasuredSequence& sequence) {
-  int first = -1;
-  for (std::size_t k = 0; k < sequence.frames.size(); ++k) {
-    const FrameScore& frame = sequence.frames[k];
-    ++frames;
-    (frame.found || first < 0 ? found_us : cpu_us).push_back(frame.cpu_us);
-    nis += frame.nis_sum;
-    observations += frame.observations;
-    if (!frame.tracked) {
-      if (first >= 0) ++lost;
-      continue;
-    }
-    ++tracked;
-    if (first < 0) first = static_cast<int>(k);
-    position.push_back(frame.position_m);
-    rotation.push_back(frame.rotation_rad / kDegree);
-    velocity.push_back(frame.velocity_m_s);
-    if (static_cast<int>(k) >= first + kSettled) settled.push_back(frame.velocity_m_s);
-    nees_pose.push_back(frame.nees_pose);
-    nees_state.push_back(frame.nees_state);
-    if (frame.wrong()) ++wrong;
-    if (!frame.surely_wrong()) continue;
-    ++surely;
-    if (surely_wrong.size() < kListed) {
-      surely_wrong.push_back({{"seed", sequence.options.seed},
-                              {"frame", k},
-                              {"position_m", frame.position_m},
-                              {"rotation_deg", frame.rotation_rad / kDegree},
-                              {"nees_pose", number_or_null(frame.nees_pose)}});
-    }
-  }
-  if (first < 0) {
-    ++never;
-  } else {
-    start_frames.push_back(first + 1);
-  }
+void add(const FrameScore& frame, bool settled, Gathered& all, MeasureSummary& sums) {
+  ++all.tracked;
+  all.position.push_back(frame.position_m);
+  all.rotation.push_back(frame.rotation_rad / kDegree);
+  all.velocity.push_back(frame.velocity_m_s);
+  if (settled) all.settled.push_back(frame.velocity_m_s);
+  all.nees_pose.push_back(frame.nees_pose);
+  all.nees_state.push_back(frame.nees_state);
+  if (frame.wrong()) ++sums.wrong;
+  if (frame.surely_wrong()) ++sums.surely_wrong;
 }
 
-Json times(const std::vector<double>& us) {
-  return {{"count", us.size()},
-          {"p50", number_or_null(percentile(us, 0.5))},
-          {"p99", number_or_null(percentile(us, 0.99))},
-          {"max", number_or_null(percentile(us, 1))}};
+void add(const std::vector<FrameScore>& frames, Gathered& all, MeasureSummary& sums) {
+  int since_start = -1;
+  bool in_track = false;
+  for (std::size_t k = 0; k < frames.size(); ++k) {
+    const FrameScore& frame = frames[k];
+    (in_track && !frame.found ? all.tracking_us : all.starting_us)
+        .push_back(frame.cpu_us);
+    in_track = frame.tracked;
+    all.nis += frame.nis_sum;
+    all.observations += frame.observations;
+    if (since_start >= 0) ++since_start;
+    if (frame.tracked) {
+      if (since_start < 0) {
+        since_start = 0;
+        all.start_frames.push_back(static_cast<double>(k + 1));
+      }
+      add(frame, since_start >= kSettled, all, sums);
+    } else if (since_start >= 0) {
+      ++sums.lost;
+    }
+  }
+  if (since_start < 0) ++sums.never_found;
+}
+
+Times times(const std::vector<double>& us) {
+  return {static_cast<int>(us.size()), percentile(us, 0.5), percentile(us, 0.99),
+          percentile(us, 1)};
+}
+
+Json as_json(const Times& times) {
+  return {{"count", times.count},
+          {"p50", number_or_null(times.p50)},
+          {"p99", number_or_null(times.p99)},
+          {"max", number_or_null(times.max)}};
+}
+
+Json surely_wrong_frames(const MeasureResult& result) {
+  Json list = Json::array();
+  for (const MeasuredSequence& sequence : result.sequences) {
+    for (std::size_t k = 0; k < sequence.frames.size(); ++k) {
+      const FrameScore& frame = sequence.frames[k];
+      if (!frame.surely_wrong() || list.size() >= kListed) continue;
+      list.push_back({{"seed", sequence.options.seed},
+                      {"frame", k},
+                      {"position_m", frame.position_m},
+                      {"rotation_deg", frame.rotation_rad / kDegree},
+                      {"nees_pose", number_or_null(frame.nees_pose)}});
+    }
+  }
+  return list;
 }
 
 }  // namespace
@@ -184,35 +200,55 @@ Result<MeasureResult> run_measure(const MeasureOptions& options,
   return result;
 }
 
-std::string measure_json(const MeasureOptions& options, const MeasureResult& result) {
+MeasureSummary summarize(const MeasureResult& result) {
   Gathered all;
-  for (const MeasuredSequence& sequence : result.sequences) all.add(sequence);
-  const double frames = std::max(1, all.frames);
+  MeasureSummary s;
+  for (const MeasuredSequence& sequence : result.sequences) {
+    ++s.flights;
+    s.frames += static_cast<int>(sequence.frames.size());
+    add(sequence.frames, all, s);
+  }
+  const double frames = std::max(1, s.frames);
+  s.returned = all.tracked / frames;
+  s.correct = (all.tracked - s.wrong) / frames;
+  s.position_rmse_m = rms(all.position);
+  s.rotation_rmse_deg = rms(all.rotation);
+  s.velocity_rmse_m_s = rms(all.velocity);
+  s.velocity_rmse_settled_m_s = rms(all.settled);
+  s.nees_pose = mean(all.nees_pose);
+  s.nees_state = mean(all.nees_state);
+  s.nis = all.observations > 0 ? all.nis / all.observations : std::nan("");
+  s.start_frames_max = percentile(all.start_frames, 1);
+  s.tracking_us = times(all.tracking_us);
+  s.starting_us = times(all.starting_us);
+  return s;
+}
+
+std::string measure_json(const MeasureOptions& options, const MeasureResult& result) {
+  const MeasureSummary s = summarize(result);
   const Json json{
       {"kind", options.mixed ? "mixed" : to_string(options.sequence.kind)},
       {"profile", options.profile == Profile::paper ? "paper" : "default"},
       {"first_seed", options.first_seed},
-      {"seeds", options.seeds},
-      {"frames", all.frames},
-      {"returned", all.tracked / frames},
-      {"correct", (all.tracked - all.wrong) / frames},
-      {"lost", all.lost},
-      {"never_found", all.never},
-      {"position_rmse_m", number_or_null(rms(all.position))},
-      {"rotation_rmse_deg", number_or_null(rms(all.rotation))},
-      {"velocity_rmse_m_s", number_or_null(rms(all.velocity))},
-      {"velocity_rmse_settled_m_s", number_or_null(rms(all.settled))},
-      {"nees_pose_mean", number_or_null(mean(all.nees_pose))},
-      {"nees_state_mean", number_or_null(mean(all.nees_state))},
-      {"nis_mean", number_or_null(all.observations > 0 ? all.nis / all.observations
-                                                       : std::nan(""))},
-      {"wrong", all.wrong},
-      {"surely_wrong", all.surely},
-      {"surely_wrong_frames", all.surely_wrong},
-      {"frames_to_start",
-       {{"p50", number_or_null(percentile(all.start_frames, 0.5))},
-        {"max", number_or_null(percentile(all.start_frames, 1))}}},
-      {"cpu_us", {{"tracking", times(all.cpu_us)}, {"starting", times(all.found_us)}}}};
+      {"seeds", s.flights},
+      {"frames", s.frames},
+      {"returned", s.returned},
+      {"correct", s.correct},
+      {"lost", s.lost},
+      {"never_found", s.never_found},
+      {"position_rmse_m", number_or_null(s.position_rmse_m)},
+      {"rotation_rmse_deg", number_or_null(s.rotation_rmse_deg)},
+      {"velocity_rmse_m_s", number_or_null(s.velocity_rmse_m_s)},
+      {"velocity_rmse_settled_m_s", number_or_null(s.velocity_rmse_settled_m_s)},
+      {"nees_pose_mean", number_or_null(s.nees_pose)},
+      {"nees_state_mean", number_or_null(s.nees_state)},
+      {"nis_mean", number_or_null(s.nis)},
+      {"wrong", s.wrong},
+      {"surely_wrong", s.surely_wrong},
+      {"surely_wrong_frames", surely_wrong_frames(result)},
+      {"start_frames_max", number_or_null(s.start_frames_max)},
+      {"cpu_us",
+       {{"tracking", as_json(s.tracking_us)}, {"starting", as_json(s.starting_us)}}}};
   return json.dump(2) + "\n";
 }
 

@@ -38,7 +38,33 @@ struct MeasureResult {
 Result<MeasureResult> run_measure(const MeasureOptions& options,
                                   const std::function<void(int done)>& progress = {});
 
-/// Shares, errors, NEES, times, and every frame with a wrong pose told with confidence.
+struct Times {
+  int count = 0;
+  double p50 = 0, p99 = 0, max = 0;  ///< us; NaN without any.
+};
+
+/// Over all frames of all flights; errors over those with a pose, NaN without any.
+struct MeasureSummary {
+  int flights = 0;
+  int frames = 0;
+  double returned = 0;  ///< Share of the frames with a pose,
+  double correct = 0;   ///< with a pose that is not wrong.
+  int lost = 0;         ///< Frames without a pose after the first one with.
+  int never_found = 0;  ///< Flights.
+  int wrong = 0;
+  int surely_wrong = 0;
+  double position_rmse_m = 0;
+  double rotation_rmse_deg = 0;
+  double velocity_rmse_m_s = 0;
+  double velocity_rmse_settled_m_s = 0;  ///< From 0.5 s after the first pose.
+  double nees_pose = 0, nees_state = 0;  ///< Means.
+  double nis = 0;                        ///< Mean of an observation.
+  double start_frames_max = 0;           ///< Until the first pose, the worst flight.
+  Times tracking_us, starting_us;        ///< With the drone in track, and without.
+};
+MeasureSummary summarize(const MeasureResult& result);
+
+/// The summary, and every frame with a wrong pose told with confidence.
 std::string measure_json(const MeasureOptions& options, const MeasureResult& result);
 
 /// A row a frame: `seed,frame,range_m,speed_m_s,tracked,found,position_m,rotation_deg,

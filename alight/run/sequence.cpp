@@ -198,11 +198,12 @@ Result<void> Sequence::render(int k, ColorBuffer& color, Compression compression
   return renderers_[which].render(static_cast<std::uint64_t>(k), scenes, color);
 }
 
-Result<void> save_sequence(const std::string& folder, const SequenceOptions& options,
-                           const std::function<void(int)>& progress) {
+Result<std::string> save_sequence(const std::string& folder,
+                                  const SequenceOptions& options,
+                                  const std::function<void(int)>& progress) {
   auto sequence = Sequence::create(options);
   if (!sequence) return fail(sequence.error());
-  if (auto good = make_folder(folder); !good) return good;
+  if (auto good = make_folder(folder); !good) return fail(good.error());
   const bool jpeg = sequence->jpeg() > 0;
   std::string list = "t,file\n";
   std::string truth = "t,x,y,z,qx,qy,qz,qw,vx,vy,vz\n";
@@ -213,14 +214,14 @@ Result<void> save_sequence(const std::string& folder, const SequenceOptions& opt
   for (int k = 0; k < sequence->frames(); ++k) {
     if (auto good = sequence->render(k, color, Sequence::Compression::left_out);
         !good) {
-      return good;
+      return fail(good.error());
     }
     const std::string name = frame_name(k, jpeg);
     const std::string path = folder + "/" + name;
     if (auto good = jpeg ? save_jpeg(path, color.view(), sequence->jpeg())
                          : save_png(path, color.view());
         !good) {
-      return good;
+      return fail(good.error());
     }
     const Time t = sequence->time(k);
     const RelativeState x = sequence->truth(k);
@@ -243,17 +244,20 @@ Result<void> save_sequence(const std::string& folder, const SequenceOptions& opt
                                        {"range_m", {nearest, farthest}},
                                        {"speed_max_m_s", fastest},
                                        {"close_share", sequence->path().close_share()}};
+  const std::string text = summary.dump(2) + "\n";
   const std::pair<const char*, std::string> files[] = {
       {"frames.csv", list},
       {"truth.csv", truth},
       {"truth.tum", tum_text(poses)},
       {"rig.yaml", rig_text(options.rig)},
       {"rig_true.yaml", rig_text(sequence->true_rig())},
-      {"sequence.json", summary.dump(2) + "\n"}};
-  for (const auto& [name, text] : files) {
-    if (auto good = write_file(folder + "/" + name, text); !good) return good;
+      {"sequence.json", text}};
+  for (const auto& [name, content] : files) {
+    if (auto good = write_file(folder + "/" + name, content); !good) {
+      return fail(good.error());
+    }
   }
-  return {};
+  return text;
 }
 
 }  // namespace alight

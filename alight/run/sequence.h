@@ -77,7 +77,9 @@ class Sequence {
 /// Leaves frames.csv, the pictures, truth.tum, truth.csv (with the velocity), rig.yaml
 /// (as written down), rig_true.yaml and, last, sequence.json: a SOURCE (CONTRACT) with
 /// its truth. `progress` is called after each picture.
-Result<void> save_sequence(const std::string& folder, const SequenceOptions& options,
-                           const std::function<void(int done)>& progress = {});
+/// @returns What sequence.json holds.
+Result<std::string> save_sequence(const std::string& folder,
+                                  const SequenceOptions& options,
+                                  const std::function<void(int done)>& progress = {});
 
 }  // namespace alight

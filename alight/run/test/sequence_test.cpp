@@ -83,7 +83,7 @@ TEST_P(SequenceLaw, LedsShineWhereTheTruthSaysAndDeadOnesDoNot) {
   options.path.range_max_m = 1.5;  // no LED near another's image
   options.path.speed_m_s = 1;
   const int leds = options.rig.leds.size();
-  for (int dead = 0; dead < leds; ++dead) {
+  for (int dead = 0; dead < leds; dead += 2) {
     options.dead = {dead};
     Sequence sequence = make(options);
     const ColorBuffer color = picture(sequence, 1);
@@ -127,7 +127,7 @@ TEST(Sequence, LedErrorsHaveTheSpreadAskedFor) {
   options.led_error_mm = 2;
   double sum = 0;
   int count = 0;
-  for (std::uint64_t seed = 1; seed <= 30; ++seed) {
+  for (std::uint64_t seed = 1; seed <= 15; ++seed) {
     options.seed = seed;
     const Rig truth = make(options).true_rig();
     for (int i = 0; i < truth.leds.size(); ++i) {
@@ -137,8 +137,8 @@ TEST(Sequence, LedErrorsHaveTheSpreadAskedFor) {
     EXPECT_TRUE(truth.camera.X_NC.isApprox(options.rig.camera.X_NC, 1e-12));
     EXPECT_EQ(truth.camera.intrinsics.fx, options.rig.camera.intrinsics.fx);
   }
-  // 540 draws: the sd of the estimate is 3 %.
-  EXPECT_NEAR(std::sqrt(sum / count), 2e-3, 4 * 0.03 * 2e-3);
+  // 270 draws: the sd of the estimate is 4.3 %.
+  EXPECT_NEAR(std::sqrt(sum / count), 2e-3, 4 * 0.043 * 2e-3);
 }
 
 TEST(Sequence, StraysAreInThePicture) {

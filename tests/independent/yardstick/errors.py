@@ -215,7 +215,8 @@ class Rows:
 
     def tracking_us(self):
         """Of frames that follow, the first of each flight and searches left out."""
-        return self.of["us"][~self.found & (self.frame > 0) & self.of["tracked"]]
+        before = np.concatenate([[False], self.of["tracked"][:-1]]) & (self.frame > 0)
+        return self.of["us"][before & ~self.found]
 
     def starting_us(self):
         return self.of["us"][self.frame == 0]

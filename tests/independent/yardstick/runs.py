@@ -75,7 +75,7 @@ class Bench:
         name = study.name.replace(" ", "_").replace(",", "-")
         summary, table = self.measures / f"{name}.json", self.measures / f"{name}.csv"
         command = [self.program, "measure", "--rig", study.rig, "--first-seed", study.first,
-                   "--seeds", study.seeds, "--jobs", self.jobs, *study.arguments]
+                   "--seeds", study.seeds, "--jobs", self.jobs, "--json", *study.arguments]
         if rows:
             command += ["--rows", table]
         key = [str(c) for c in command[1:]] + [study.rig.read_text()]
