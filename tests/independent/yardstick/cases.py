@@ -103,6 +103,13 @@ def stray_studies(quick):
             for n in (0, 25, 50, 100, 200)]
 
 
+def start_studies(quick):
+    """From nothing: (stray lights, limit in us, flights)."""
+    return [(n, limit, Study(f"start {n}", 40 if quick else 400,
+                             ["--frames", 3, "--lights", 0, "--stray", n], first=6001))
+            for n, limit in ((0, 300), (40, 1000), (100, 5000))]
+
+
 def led_rig(count, folder):
     """A rig file with `count` LEDs along a zigzag at the drone's front."""
     text = ALAN.read_text()

@@ -14,6 +14,10 @@ def cell(value, digits, scale=1.0):
     return "-" if value is None or value != value else f"{scale * value:.{digits}f}"
 
 
+def percent(share):
+    return "-" if share is None else cell(share, 0, 100) + " %"
+
+
 def sequence_rows(rows):
     width = max([len(name) for name, _ in rows] + [8])
     yield " " * width + " " + " ".join(f"{title:>10}" for _, title, _, _ in COLUMNS)
@@ -91,9 +95,8 @@ def documentation(document, commit, machine):
                     "at which the mean over the flights lies inside the 95 % bounds.\n")
         text.append(markdown(
             ("flights", "pose (6), mean", "inside", "state (9), mean", "inside"),
-            [(bin_name(r), cell(r["pose"]["mean"], 2), cell(r["pose"]["inside"], 0, 100) + " %",
-              cell(r["state"]["mean"], 2), cell(r["state"]["inside"], 0, 100) + " %")
-             for r in table]))
+            [(bin_name(r), cell(r["pose"]["mean"], 2), percent(r["pose"]["inside"]),
+              cell(r["state"]["mean"], 2), percent(r["state"]["inside"])) for r in table]))
     if document.get("cost"):
         text.append("CPU time of a followed frame:\n")
         text.append(markdown(("picture", "p50, us", "p99, us", "first frame p50, us"),
