@@ -48,8 +48,9 @@ Escape Planner::Setting::escape(const PlanRequest& request, Seconds at,
   TimeSamples samples;
   samples[0].assign(kFirst.begin(), kFirst.end());
   samples[1].assign(kSecond.begin(), kSecond.end());
-  const Allocation allocation =
-      allocate_time(allocation_task(task, state, goal, corridor, limits), samples, qp);
+  AllocationTask durations = allocation_task(task, state, goal, corridor, limits);
+  durations.any = !certified;
+  const Allocation allocation = allocate_time(durations, samples, qp);
   if (allocation.feasible == 0) return escape;
   const QpOutcome outcome =
       qp.solve(Reduction(state, goal, allocation.best), corridor, limits);

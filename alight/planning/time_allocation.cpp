@@ -140,6 +140,7 @@ Allocation allocate_time(const AllocationTask& task, const TimeSamples& samples,
       if (cost >= least) continue;
       least = cost;
       allocation.best = T;
+      if (task.any) return allocation;
     }
   }
   return allocation;

@@ -46,6 +46,7 @@ struct AllocationTask {
   const PlanRequest* request = nullptr;  ///< Whose platform turns (heading_rate > 0).
   const Corridor& corridor;
   const DynamicLimitRows& limits;
+  bool any = false;  ///< The first that is feasible will do.
 };
 
 /// Steps 1 to 3 of "On Time Allocation": every pair of durations is solved; the least
