@@ -226,9 +226,13 @@ std::string comparison_text(const std::vector<CampaignComparison>& comparisons) 
         100 * l.interval.low, 100 * l.interval.high, l.p);
     for (const PairedFigure& f : c.figures) {
       if (f.pairs == 0) continue;
-      add(text, "  %-24s A %.4g, B %.4g; B - A = %+.3g (95 %%: %+.3g to %+.3g)\n",
-          f.name.c_str(), f.median_a, f.median_b, f.difference, f.interval.low,
-          f.interval.high);
+      add(text, "  %-24s A %.4g, B %.4g; B - A = %+.3g", f.name.c_str(), f.median_a,
+          f.median_b, f.difference);
+      if (std::isnan(f.interval.low)) {
+        text += " (too few pairs for an interval)\n";
+      } else {
+        add(text, " (95 %%: %+.3g to %+.3g)\n", f.interval.low, f.interval.high);
+      }
     }
   }
   return text + "Figures: medians of the landings in which both have one.\n";

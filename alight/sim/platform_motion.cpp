@@ -1,5 +1,6 @@
 #include "alight/sim/platform_motion.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cassert>
 #include <cmath>
@@ -75,22 +76,43 @@ void PlatformMotion::wish_speed(double m_s) {
   wish_ = std::clamp(m_s, 0.0, config_.speed_m_s);
 }
 
-UgvCommand PlatformMotion::obey(const UgvCommand& wanted, const PadMutiny& mutiny,
-                                Seconds dt) {
-  if (mutiny.any()) disturbed_ = true;
+UgvPose PlatformMotion::on_path() const {
+  if (moved_.yaw == 0 && moved_.p_I.isZero()) return pose_;
+  return {Eigen::Rotation2Dd(-moved_.yaw) * (pose_.p_I - moved_.p_I),
+          pose_.yaw - moved_.yaw};
+}
+
+UgvCommand PlatformMotion::rebel(const PadMutiny& mutiny, Seconds dt) {
+  if (!mutinous_) {
+    mutinous_ = disturbed_ = true;
+    left_ = on_path();
+    was_ = command_;
+  }
+  const double v =
+      approach(command_.v, mutiny.speed_m_s.value_or(was_.v), kHardPace * dt);
+  const double curvature = was_.v > 0.05 ? was_.w / was_.v : 0;
+  return {v, approach(command_.w, mutiny.turn_rad_s.value_or(curvature * v),
+                      kHardTurn * dt)};
+}
+
+UgvCommand PlatformMotion::drive(Seconds dt) {
+  if (mutinous_) {
+    mutinous_ = false;
+    moved_.yaw = pose_.yaw - left_.yaw;
+    moved_.p_I = pose_.p_I - Eigen::Rotation2Dd(moved_.yaw) * left_.p_I;
+  }
+  const UgvCommand wanted = controller_.step(on_path(), moving_ ? wish_ : 0.0, dt);
   if (!disturbed_) return wanted;
-  const UgvCommand next{
-      approach(command_.v, mutiny.speed_m_s.value_or(wanted.v), kHardPace * dt),
-      approach(command_.w, mutiny.turn_rad_s.value_or(wanted.w), kHardTurn * dt)};
-  if (!mutiny.any() && next.v == wanted.v && next.w == wanted.w) disturbed_ = false;
+  const UgvCommand next{approach(command_.v, wanted.v, kHardPace * dt),
+                        approach(command_.w, wanted.w, kHardTurn * dt)};
+  disturbed_ = next.v != wanted.v || next.w != wanted.w;
   return next;
 }
 
 void PlatformMotion::step(Seconds dt, const PadMutiny& mutiny) {
   if (drive_) return step_recorded(dt);
   const UgvCommand before = command_;
-  const UgvCommand wanted = controller_.step(pose_, moving_ ? wish_ : 0.0, dt);
-  command_ = obey(wanted, mutiny, dt);
+  command_ = mutiny.any() ? rebel(mutiny, dt) : drive(dt);
   const double v = (before.v + command_.v) / 2;
   const double w = (before.w + command_.w) / 2;
   const double mid = pose_.yaw + w * dt / 2;

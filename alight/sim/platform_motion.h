@@ -30,14 +30,17 @@ class PlatformMotion {
   /// At most the scenario's speed. A recorded drive takes no wishes.
   void wish_speed(double m_s);
 
-  /// Advances by `dt` s. A mutiny ends at the pace of the platform's own controller;
-  /// recorded drives know none.
+  /// Advances by `dt` s. What a mutiny leaves open stays as it was, the curve for the
+  /// turn; after it the drive goes on from where it has led, as if the path lay there.
+  /// Recorded drives know none.
   void step(Seconds dt, const PadMutiny& mutiny = {});
 
   const PlatformState& state() const { return state_; }
 
  private:
-  UgvCommand obey(const UgvCommand& wanted, const PadMutiny& mutiny, Seconds dt);
+  UgvCommand drive(Seconds dt);
+  UgvCommand rebel(const PadMutiny& mutiny, Seconds dt);
+  UgvPose on_path() const;
   /// `before`: the course's motion up to this step.
   void step_boat(const UgvCommand& before, Seconds dt);
   void step_recorded(Seconds dt);
@@ -54,7 +57,11 @@ class PlatformMotion {
   std::optional<RecordedDrive> drive_;
   Seconds driven_ = 0;  ///< s into it
   std::optional<Seaway> sea_;
+  bool mutinous_ = false;
   bool disturbed_ = false;  ///< Not yet back at what the controller wants.
+  UgvPose left_;            ///< On the path, when the mutiny began.
+  UgvCommand was_;          ///< Then.
+  UgvPose moved_;           ///< Where mutinies have put the path's origin.
 };
 
 }  // namespace alight
