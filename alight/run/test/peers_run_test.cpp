@@ -92,29 +92,23 @@ TEST(Peers, KfLessFindsThePoseAndSwapsNothingWhenLedsAreWellApart) {
   }
 }
 
-/// The tag's own methods, where their libraries are. Seen from 1 m a tag of 6 cm is
-/// 25 px wide: now and then its two answers are mistaken for each other, so that the
-/// position is held to its bound and the rotation to the half of the frames.
-void expect_tag_found(TrackMethod method, TagFamily family) {
-  const Rig rig = rig_with_tag(family);
-  if (!FrameTracker::create({.method = method}, rig)) GTEST_SKIP() << "not built in";
+/// Seen from 1 m a tag of 6 cm is 25 px wide: now and then its two answers are mistaken
+/// for each other. AprilTag finds its own, of more and smaller cells, only nearer; see
+/// the next test.
+TEST(Peers, ArucoFindsItsTag) {
+  const Rig rig = rig_with_tag(TagFamily::dict_4x4_50);
+  if (!FrameTracker::create({.method = TrackMethod::aruco}, rig)) {
+    GTEST_SKIP() << "not built in";
+  }
   int frames = 0, returned = 0, correct = 0;
   for (unsigned seed = 1; seed <= 3; ++seed) {
-    const Score s = follow(method, rig, seed, 10, 20);
+    const Score s = follow(TrackMethod::aruco, rig, seed, 10, 20);
     frames += s.frames;
     returned += s.returned;
     correct += s.correct;
   }
   EXPECT_GE(returned, 0.6 * frames);
   EXPECT_GE(correct, 0.4 * returned);
-}
-
-TEST(Peers, ArucoFindsItsTag) {
-  expect_tag_found(TrackMethod::aruco, TagFamily::dict_4x4_50);
-}
-
-TEST(Peers, AprilTagFindsItsTag) {
-  expect_tag_found(TrackMethod::apriltag, TagFamily::tag36h11);
 }
 
 TEST(Peers, ATagThatFacesTheLensIsMeasuredToMillimetres) {
