@@ -29,7 +29,7 @@ struct MountConfig {
   double own_place_sd_m = 0.002;
   double own_heading_sd_deg = 1;
   // What is too weak to be used.
-  double position_sd_max_m = 0.02;
+  double position_sd_max_m = 0.04;
   double rotation_sd_max_deg = 4;
 
   static MountConfig parked() { return {}; }

@@ -76,7 +76,7 @@ Intrinsics guess(const Intrinsics& lens) {
 TEST(Lens, NumbersAsSureAsSaid) {
   double squares = 0;
   int count = 0;
-  for (unsigned seed = 0; seed < 20; ++seed) {
+  for (unsigned seed = 0; seed < 10; ++seed) {
     Rng rng(seed);
     const Intrinsics truth = drawn_lens(rng);
     const auto fit = calibrate_lens({}, guess(truth), views_of(truth, 24, 0.7, rng));
