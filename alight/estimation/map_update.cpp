@@ -17,7 +17,7 @@ struct Linearized {
   Matrix6 M = Matrix6::Zero();  ///< sum of H' R^-1 H
   Vector6 b = Vector6::Zero();  ///< sum of H' R^-1 r
   double cost = 0;
-  /// H' R^-1 H_p of each observation, for the response to displaced LEDs.
+  /// H' R^-1 H_p of each image, for the response to displaced LEDs.
   std::array<Matrix63, kMaxLeds> pull;
 };
 
@@ -31,33 +31,68 @@ double robust_weight(double s, double limit, double& cost) {
   return limit / std::sqrt(s);
 }
 
+/// Adds a measurement of K images; `pull` is that of its first.
+template <int K>
+bool add(const Camera& camera, const Constellation& leds, const PictureMeasurement& m,
+         double huber_sd, const Pose& X_NB, Linearized& out, Matrix63* pull) {
+  Eigen::Matrix<double, 2 * K, 6> H;
+  Eigen::Matrix<double, 2 * K, 1> r;
+  for (int k = 0; k < K; ++k) {
+    const MeasuredImage& image = m.images[static_cast<std::size_t>(k)];
+    Matrix26 H_k;
+    const auto uv = project_observation(camera, X_NB, leds, image.leds, &H_k);
+    if (!uv) return false;
+    r.template segment<2>(2 * k) = image.uv - *uv;
+    H.template middleRows<2>(2 * k) = H_k;
+  }
+  const Eigen::Matrix<double, 2 * K, 2 * K> W =
+      m.information.template topLeftCorner<2 * K, 2 * K>();
+  const double weight = robust_weight(r.dot(W * r), huber_sd * m.slack, out.cost);
+  const Eigen::Matrix<double, 6, 2 * K> HtW = weight * H.transpose() * W;
+  out.M.noalias() += HtW * H;
+  out.b.noalias() += HtW * r;
+  for (int k = 0; k < K; ++k) {
+    const MeasuredImage& image = m.images[static_cast<std::size_t>(k)];
+    pull[k].noalias() = HtW.template middleCols<2>(2 * k) *
+                        H.template block<2, 3>(2 * k, 0);
+    if (!(image.depth_variance > 0)) continue;
+    Eigen::Matrix<double, 1, 6> H_z;
+    const double r_z =
+        image.depth_m - predicted_depth(camera, X_NB, leds, image.leds, &H_z);
+    const double w_z =
+        robust_weight(r_z * r_z / image.depth_variance, huber_sd, out.cost) /
+        image.depth_variance;
+    out.M.noalias() += w_z * H_z.transpose() * H_z;
+    out.b.noalias() += w_z * r_z * H_z.transpose();
+  }
+  return true;
+}
+
 bool linearize(const Camera& camera, const Constellation& leds,
                const PictureMeasurements& measurements, double huber_sd,
                const Pose& X_NB, Linearized& out) {
+  static_assert(kMaxGroup == 4);
   out.M.setZero();
   out.b.setZero();
   out.cost = 0;
-  for (std::size_t i = 0; i < measurements.size(); ++i) {
-    const PictureMeasurement& m = measurements[i];
-    Matrix26 H;
-    const auto uv = project_observation(camera, X_NB, leds, m.leds, &H);
-    if (!uv) return false;
-    const Vector2 r = m.uv - *uv;
-    const Matrix2 W = m.cov.inverse();
-    const double weight = robust_weight(r.dot(W * r), huber_sd * m.slack, out.cost);
-    const Eigen::Matrix<double, 6, 2> HtW = weight * H.transpose() * W;
-    out.M.noalias() += HtW * H;
-    out.b.noalias() += HtW * r;
-    out.pull[i].noalias() = HtW * H.leftCols<3>();
-    if (m.depth_variance > 0) {
-      Eigen::Matrix<double, 1, 6> H_z;
-      const double r_z = m.depth_m - predicted_depth(camera, X_NB, leds, m.leds, &H_z);
-      const double w_z =
-          robust_weight(r_z * r_z / m.depth_variance, huber_sd, out.cost) /
-          m.depth_variance;
-      out.M.noalias() += w_z * H_z.transpose() * H_z;
-      out.b.noalias() += w_z * r_z * H_z.transpose();
+  Matrix63* pull = out.pull.data();
+  for (const PictureMeasurement& m : measurements) {
+    bool ahead = false;
+    switch (m.images.size()) {
+      case 1:
+        ahead = add<1>(camera, leds, m, huber_sd, X_NB, out, pull);
+        break;
+      case 2:
+        ahead = add<2>(camera, leds, m, huber_sd, X_NB, out, pull);
+        break;
+      case 3:
+        ahead = add<3>(camera, leds, m, huber_sd, X_NB, out, pull);
+        break;
+      default:
+        ahead = add<4>(camera, leds, m, huber_sd, X_NB, out, pull);
     }
+    if (!ahead) return false;
+    pull += m.images.size();
   }
   return std::isfinite(out.cost);
 }
@@ -171,11 +206,13 @@ Result<MapUpdate> solve(const Camera& camera, const Constellation& leds,
     const int columns = 3 * leds.size();
     Eigen::Matrix<double, 6, Eigen::Dynamic, 0, 6, 3 * kMaxLeds> T(6, columns);
     T.setZero();
-    for (std::size_t i = 0; i < measurements.size(); ++i) {
-      const int n = std::popcount(measurements[i].leds);
-      const Matrix63 share = picture.pull[i] * x.R_NB / n;
-      for (int k = 0; k < leds.size(); ++k) {
-        if ((measurements[i].leds >> k) & 1) T.middleCols<3>(3 * k) += share;
+    const Matrix63* pull = picture.pull.data();
+    for (const PictureMeasurement& m : measurements) {
+      for (const MeasuredImage& image : m.images) {
+        const Matrix63 share = *pull++ * x.R_NB / std::popcount(image.leds);
+        for (int k = 0; k < leds.size(); ++k) {
+          if ((image.leds >> k) & 1) T.middleCols<3>(3 * k) += share;
+        }
       }
     }
     T.noalias() -= picture.M * bias->topRows<6>();

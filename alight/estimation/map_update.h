@@ -9,16 +9,22 @@
 
 namespace alight {
 
-/// One observation with its noise, ready for the update.
-struct PictureMeasurement {
+/// One LED's image, or that of several in one blob, within a measurement.
+struct MeasuredImage {
   std::uint16_t leds = 0;
   Vector2 uv = Vector2::Zero();
-  Matrix2 cov = Matrix2::Identity();  ///< px^2, what is drawn anew in each picture
-  /// Standard deviation of the residual, constant errors included, over that by `cov`:
-  /// widens Huber's limit, not the weight.
-  double slack = 1;
   double depth_m = 0;
   double depth_variance = 0;  ///< m^2; 0: no depth
+};
+
+/// Images with their common noise, ready for the update: one, or those of a OverlappingLeds.
+struct PictureMeasurement {
+  FixedVector<MeasuredImage, kMaxGroup> images;
+  /// px^-2, of what is drawn anew in each picture; need not be of full rank.
+  GroupMatrix information = Matrix2::Identity();
+  /// Standard deviation of the residual, constant errors included, over that by
+  /// `information`: widens Huber's limit, not the weight.
+  double slack = 1;
 };
 using PictureMeasurements = FixedVector<PictureMeasurement, kMaxLeds>;
 

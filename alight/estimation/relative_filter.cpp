@@ -11,6 +11,8 @@ namespace {
 
 constexpr Seconds kFrame = 1.0 / 60;  // what variance_per_frame counts by
 constexpr Time kLongest = 60'000'000'000;
+constexpr double kOpen = 1e-2;         // px^-2, of a direction that is left open
+constexpr double kGatePerImage = 4.3;  // keeps a gate's share for 2 more dimensions
 constexpr double kLost = 100;  // m, standard deviation; nothing is known beyond
 
 bool finite(const PlatformState& p) {
@@ -23,6 +25,8 @@ double largest_sd(const Matrix3& covariance) {
   solver.computeDirect(covariance, Eigen::EigenvaluesOnly);
   return std::sqrt(std::max(0.0, solver.eigenvalues().maxCoeff()));
 }
+
+using Matrix6 = Eigen::Matrix<double, 6, 6>;
 
 bool positive_definite(const Matrix2& m) {
   return m.allFinite() && m(0, 0) > 0 && m.determinant() > 0;
@@ -121,66 +125,124 @@ Result<void> RelativeFilter::prepare(const LedFrame& frame,
                                      PictureMeasurements& measurements,
                                      UpdateReport& report) const {
   const Pose X_NB = state_.x.X_NB();
-  const Eigen::Matrix<double, 6, 6> P = P_.topLeftCorner<6, 6>();
+  const Matrix6 P = P_.topLeftCorner<6, 6>();
   const unsigned known = (1u << leds_.size()) - 1;
+  const Intrinsics& lens = camera_.intrinsics;
+  const double white = config_.led_white_share * config_.led_white_share;
   int improbable = 0;
-  for (const LedObservation& o : frame.seen) {
-    if (!o.uv.allFinite() || o.leds == 0 || (o.leds & ~known) != 0 ||
-        (config_.use_observation_cov && !positive_definite(o.cov))) {
-      ++report.malformed;
-      if (o.uv.allFinite()) report.refused.push_back({o.uv, Refusal::gated});
-      continue;
-    }
-    Matrix26 H;
-    const auto uv = project_observation(camera_, X_NB, leds_, o.leds, &H);
-    const double z = predicted_depth(camera_, X_NB, leds_, o.leds);
-    if (!uv || !(z > 0)) {
-      ++improbable;
-      report.refused.push_back({o.uv, Refusal::gated});
-      continue;
-    }
+  const auto gate = [&](const LedObservation& o) {
+    report.refused.push_back({o.uv, Refusal::gated});
+  };
+  auto group = frame.groups.begin();
+  for (std::size_t i = 0; i < frame.seen.size();) {
+    const bool grouped =
+        group != frame.groups.end() && static_cast<std::size_t>(group->first) == i;
+    const auto count = grouped ? static_cast<std::size_t>(group->count) : 1;
+    const LedObservation* const seen = &frame.seen[i];
+    i += count;
 
-    PictureMeasurement m{.leds = o.leds, .uv = o.uv};
-    const int n = std::popcount(o.leds);
-    const Intrinsics& lens = camera_.intrinsics;
-    const Vector2 led_px = config_.led_position_sd_m / z * Vector2(lens.fx, lens.fy);
-    m.cov.setZero();
-    if (config_.use_observation_cov) m.cov = o.cov;
-    const double pixel = config_.pixel_sd_px * config_.pixel_sd_px;
-    const double white = config_.led_white_share * config_.led_white_share;
-    const Vector2 led = led_px.cwiseAbs2() / n;
-    m.cov.diagonal() += white * led + Vector2::Constant(pixel / n);
-    const Vector2 constant = (1 - white) * led;
-    m.slack = std::sqrt(1 + constant.sum() / m.cov.trace());
-
-    const Vector2 innovation = o.uv - *uv;
-    Matrix2 S = H * P * H.transpose() + m.cov;
-    S.diagonal() += constant;
-    const double nis = innovation.dot(S.inverse() * innovation);
-    if (!(nis >= 0) || (config_.gate_chi2 > 0 && nis > config_.gate_chi2)) {
-      ++improbable;
-      report.refused.push_back({o.uv, Refusal::gated});
-      continue;
-    }
-    if (config_.use_depth && o.depth_m > 0 && std::isfinite(o.depth_m)) {
-      Eigen::Matrix<double, 1, 6> H_z;
-      predicted_depth(camera_, X_NB, leds_, o.leds, &H_z);
-      const double share = config_.depth_sd_share * z;
-      const double variance = config_.depth_sd_m * config_.depth_sd_m + share * share;
-      const double S_z = (H_z * P * H_z.transpose()).value() + variance;
-      // A hole's rim or the background: the depth goes, the image stays.
-      if (config_.gate_chi2 <= 0 ||
-          (o.depth_m - z) * (o.depth_m - z) <= config_.gate_chi2 * S_z) {
-        m.depth_m = o.depth_m;
-        m.depth_variance = variance;
+    PictureMeasurement m;
+    const auto rows = static_cast<Eigen::Index>(2 * count);
+    Eigen::Matrix<double, Eigen::Dynamic, 6, 0, 2 * kMaxGroup, 6> H(rows, 6);
+    Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 2 * kMaxGroup, 1> innovation(rows);
+    GroupMatrix drawn = GroupMatrix::Zero(rows, rows);  // anew in each picture
+    GroupMatrix constant = GroupMatrix::Zero(rows, rows);
+    int malformed = 0;
+    bool ahead = true;
+    for (std::size_t k = 0; k < count; ++k) {
+      const LedObservation& o = seen[k];
+      if (!o.uv.allFinite() || o.leds == 0 || (o.leds & ~known) != 0 ||
+          (config_.use_observation_cov && !positive_definite(o.cov))) {
+        ++malformed;
+        continue;
       }
+      Matrix26 H_k;
+      const auto uv = project_observation(camera_, X_NB, leds_, o.leds, &H_k);
+      const double z = predicted_depth(camera_, X_NB, leds_, o.leds);
+      ahead = ahead && uv && z > 0;
+      if (!ahead) continue;
+      const auto at = static_cast<Eigen::Index>(2 * k);
+      const int n = std::popcount(o.leds);
+      const Vector2 led_px = config_.led_position_sd_m / z * Vector2(lens.fx, lens.fy);
+      const Vector2 led = led_px.cwiseAbs2() / n;
+      const double pixel = config_.pixel_sd_px * config_.pixel_sd_px;
+      H.middleRows<2>(at) = H_k;
+      innovation.segment<2>(at) = o.uv - *uv;
+      drawn.diagonal().segment<2>(at) = white * led + Vector2::Constant(pixel / n);
+      constant.diagonal().segment<2>(at) = (1 - white) * led;
+      MeasuredImage image{.leds = o.leds, .uv = o.uv};
+      if (config_.use_depth && o.depth_m > 0 && std::isfinite(o.depth_m)) {
+        Eigen::Matrix<double, 1, 6> H_z;
+        predicted_depth(camera_, X_NB, leds_, o.leds, &H_z);
+        const double share = config_.depth_sd_share * z;
+        const double variance = config_.depth_sd_m * config_.depth_sd_m + share * share;
+        const double S_z = (H_z * P * H_z.transpose()).value() + variance;
+        // A hole's rim or the background: the depth goes, the image stays.
+        if (config_.gate_chi2 <= 0 ||
+            (o.depth_m - z) * (o.depth_m - z) <= config_.gate_chi2 * S_z) {
+          image.depth_m = o.depth_m;
+          image.depth_variance = variance;
+        }
+      }
+      m.images.push_back(image);
+    }
+    if (grouped) ++group;
+    if (malformed > 0) {
+      report.malformed += malformed;
+      for (std::size_t k = 0; k < count; ++k) {
+        if (seen[k].uv.allFinite()) gate(seen[k]);
+      }
+      continue;
+    }
+    if (!ahead) {
+      improbable += static_cast<int>(count);
+      for (std::size_t k = 0; k < count; ++k) gate(seen[k]);
+      continue;
+    }
+
+    // Of a group, directions that the picture leaves open have no information: noise is
+    // added to what there is, W = (I^-1 + D)^-1 = I - I (D^-1 + I)^-1 I.
+    GroupMatrix noise = drawn;
+    if (!grouped) {
+      if (config_.use_observation_cov) noise += seen->cov;
+      m.information = noise.topLeftCorner<2, 2>().inverse();
+    } else {
+      const GroupMatrix information = group[-1].information;
+      GroupMatrix sum = information;
+      sum.diagonal() += drawn.diagonal().cwiseInverse();
+      const Eigen::LLT<GroupMatrix> llt(sum);
+      m.information = information - information * llt.solve(information);
+      GroupMatrix regular = m.information;
+      regular.diagonal().array() += kOpen;
+      noise = Eigen::LLT<GroupMatrix>(regular).solve(GroupMatrix::Identity(rows, rows));
+    }
+    m.slack = std::sqrt(1 + constant.trace() / noise.trace());
+
+    const GroupMatrix S = H * P * H.transpose() + noise + constant;
+    const auto nis_of = [&](Eigen::Index first, Eigen::Index size) {
+      const auto r = innovation.segment(first, size);
+      const Eigen::LLT<GroupMatrix> llt(S.block(first, first, size, size));
+      return r.dot(llt.solve(r));
+    };
+    const double nis = grouped ? nis_of(0, rows) : nis_of(0, 2);
+    if (!(nis >= 0) ||
+        (config_.gate_chi2 > 0 &&
+         nis > config_.gate_chi2 + kGatePerImage * static_cast<double>(count - 1))) {
+      improbable += static_cast<int>(count);
+      for (std::size_t k = 0; k < count; ++k) gate(seen[k]);
+      continue;
     }
     measurements.push_back(m);
-    report.seen.push_back(
-        {.leds = o.leds, .uv = o.uv, .residual_px = innovation, .nis = nis});
+    for (std::size_t k = 0; k < count; ++k) {
+      const auto at = static_cast<Eigen::Index>(2 * k);
+      report.seen.push_back({.leds = seen[k].leds,
+                             .uv = seen[k].uv,
+                             .residual_px = innovation.segment<2>(at),
+                             .nis = grouped ? nis_of(at, 2) : nis});
+    }
   }
   report.gated = improbable;
-  report.used = static_cast<int>(measurements.size());
+  report.used = static_cast<int>(report.seen.size());
   if (improbable > report.used) return fail(Fault::ambiguous);
   if (report.used < config_.min_observations) return fail(Fault::too_few_points);
   return {};

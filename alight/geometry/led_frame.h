@@ -9,6 +9,12 @@ namespace alight {
 
 inline constexpr int kMaxLeds = 16;
 inline constexpr int kMaxRefused = 32;
+inline constexpr int kMaxGroup = 4;  ///< Lights told apart within one patch.
+
+/// Information on the images of up to kMaxGroup LEDs together, px^-2; 2 n x 2 n.
+using GroupMatrix =
+    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 2 * kMaxGroup,
+                  2 * kMaxGroup>;
 
 enum class LedColor : std::uint8_t { none, red, green, blue, white };
 const char* to_string(LedColor color);
@@ -20,6 +26,16 @@ struct LedObservation {
   Vector2 uv = Vector2::Zero();       ///< px
   Matrix2 cov = Matrix2::Identity();  ///< px^2, of `uv`
   double depth_m = 0;                 ///< Along the optical axis; 0 when unknown.
+};
+
+/// Observations of single LEDs whose images overlap: what is known of each depends on
+/// the others.
+struct OverlappingLeds {
+  int first = 0;            ///< They stand together in LedFrame::seen from here.
+  int count = 0;            ///< 2 to kMaxGroup.
+  GroupMatrix information;  ///< px^-2, of their uv one after the other; singular where
+                            ///< the picture does not decide. Their `cov` are its
+                            ///< marginals, kept finite.
 };
 
 /// Why a blob was not used.
@@ -44,6 +60,7 @@ struct RefusedBlob {
 struct LedFrame {
   Time t = 0;  ///< Mid-exposure, ns.
   FixedVector<LedObservation, kMaxLeds> seen;
+  FixedVector<OverlappingLeds, kMaxLeds / 2> groups;  ///< In the order of `first`.
   FixedVector<RefusedBlob, kMaxRefused> refused;
 
   /// Number of LEDs in view, merged ones counted each.

@@ -26,6 +26,7 @@ Result<void> RelativeEstimatorConfig::validate() const {
   if (auto good = blobs.validate(); !good) return good;
   if (auto good = finder.validate(); !good) return good;
   if (auto good = tracker.validate(); !good) return good;
+  if (auto good = resolver.validate(); !good) return good;
   if (auto good = filter.validate(); !good) return good;
   if (auto good = rest.validate(); !good) return good;
   if (!(prediction_step_ms >= 1 && prediction_step_ms <= 50)) {
@@ -52,6 +53,7 @@ RelativeEstimatorConfig RelativeEstimatorConfig::paper() {
   config.filter = RelativeFilterConfig::paper();
   config.reprojection_max_px = 10;
   config.calibrate_at_rest = false;
+  config.tell_apart = false;
   return config;
 }
 
@@ -71,14 +73,16 @@ PredictionInput NoMotion::at(Time t, const RelativeState&) const {
 RelativeEstimator::RelativeEstimator(const RelativeEstimatorConfig& config,
                                      const Rig& rig, BlobDetector detector,
                                      LedFinder finder, LedTracker tracker,
-                                     RelativeFilter filter)
+                                     LedResolver resolver, RelativeFilter filter)
     : config_(config),
       step_(from_seconds(config.prediction_step_ms * 1e-3)),
       camera_(rig.camera),
       leds_(rig.leds),
+      exposure_(rig.timing.exposure_ms * 1e-3),
       detector_(std::move(detector)),
       finder_(std::move(finder)),
       tracker_(std::move(tracker)),
+      resolver_(std::move(resolver)),
       filter_(std::move(filter)) {}
 
 Result<RelativeEstimator> RelativeEstimator::create(
@@ -92,10 +96,13 @@ Result<RelativeEstimator> RelativeEstimator::create(
   if (!finder) return fail(finder.error());
   auto tracker = LedTracker::create(config.tracker, rig.camera, rig.leds);
   if (!tracker) return fail(tracker.error());
+  auto resolver = LedResolver::create(config.resolver, rig.camera, rig.leds);
+  if (!resolver) return fail(resolver.error());
   auto filter = RelativeFilter::create(config.filter, rig.camera, rig.leds);
   if (!filter) return fail(filter.error());
   return RelativeEstimator(config, rig, std::move(*detector), std::move(*finder),
-                           std::move(*tracker), std::move(*filter));
+                           std::move(*tracker), std::move(*resolver),
+                           std::move(*filter));
 }
 
 bool RelativeEstimator::fuse(const CameraFrame& frame, const MotionSource& motion,
@@ -152,7 +159,12 @@ bool RelativeEstimator::follow(const CameraFrame& frame, FrameReport& out,
   LedFrame leds;
   {
     const ProbeScope scope(probe, Stage::associate);
-    leds = tracker_.track(*blobs, X_NB, cov, frame.captured);
+    TrackDetail detail;
+    leds = tracker_.track(*blobs, X_NB, cov, frame.captured, &detail);
+    if (config_.tell_apart && !leds.seen.empty()) {
+      const auto blur = image_motion(X_NB);
+      resolver_.resolve(frame.color, *blobs, detail, {blur.data(), blur.size()}, leds);
+    }
   }
   out.refused = leds.refused;
   // Out of sight for a while, the prediction is vague enough for any lamp or two to
@@ -184,6 +196,19 @@ bool RelativeEstimator::follow(const CameraFrame& frame, FrameReport& out,
       report->used >= 3 && report->reprojection_px < config_.reprojection_max_px;
   if (!out.tracked) out.why_not = "too few LEDs fit";
   return out.tracked;
+}
+
+FixedVector<Vector2, kMaxLeds> RelativeEstimator::image_motion(const Pose& X_NB) const {
+  FixedVector<Vector2, kMaxLeds> out;
+  for (int i = 0; i < leds_.size(); ++i) {
+    Matrix26 J;
+    Vector2 way = Vector2::Zero();
+    if (project_led(camera_, X_NB, leds_.p_BL(i), &J)) {
+      way = exposure_ * (J.leftCols<3>() * filter_.state().v_NB);
+    }
+    out.push_back(way);
+  }
+  return out;
 }
 
 void RelativeEstimator::search(const CameraFrame& frame, FrameReport& out,
@@ -307,6 +332,7 @@ Result<RestFit> RelativeEstimator::calibrate_at_rest() {
   leds_ = fit->leds;
   tracker_.set_rig(camera_, leds_, config_.rest_led_sd_m);
   finder_.set_rig(camera_, leds_, config_.rest_led_sd_m);
+  resolver_.set_rig(camera_, leds_);
   const Time t = filter_.time();
   filter_.set_rig(camera_, leds_, config_.rest_led_sd_m);
   RelativeState x;

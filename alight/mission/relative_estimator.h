@@ -4,6 +4,7 @@
 #include "alight/mission/landing_io.h"
 #include "alight/vision/blob_detector.h"
 #include "alight/vision/led_finder.h"
+#include "alight/vision/led_resolver.h"
 #include "alight/vision/led_tracker.h"
 
 namespace alight {
@@ -12,6 +13,8 @@ struct RelativeEstimatorConfig {
   BlobDetectorConfig blobs;
   LedFinderConfig finder;
   LedTrackerConfig tracker;
+  bool tell_apart = true;  ///< Place LEDs by their pixels, not by their blob's centre.
+  LedResolverConfig resolver;
   RelativeFilterConfig filter;
   RestCalibrationConfig rest;
   bool calibrate_at_rest = true;   ///< Before take-off from the pad.
@@ -104,7 +107,7 @@ class RelativeEstimator {
  private:
   RelativeEstimator(const RelativeEstimatorConfig& config, const Rig& rig,
                     BlobDetector detector, LedFinder finder, LedTracker tracker,
-                    RelativeFilter filter);
+                    LedResolver resolver, RelativeFilter filter);
   void search(const CameraFrame& frame, FrameReport& out, Probe* probe);
   bool believable(const FoundLeds& found, Time t);
   bool believable_on_floor(const FoundLeds& found);
@@ -112,6 +115,8 @@ class RelativeEstimator {
   bool follow(const CameraFrame& frame, FrameReport& out, Probe* probe);
   /// The LEDs where they are expected: a fit with all but one of them in view.
   Result<FoundLeds> find_expected(BlobSpan blobs, Time t) const;
+  /// Way of each LED's image during the exposure, px.
+  FixedVector<Vector2, kMaxLeds> image_motion(const Pose& X_NB) const;
   void report_state(FrameReport& out) const;
   void remember_rest(const LedFrame& leds);
 
@@ -119,9 +124,11 @@ class RelativeEstimator {
   Time step_;
   Camera camera_;
   Constellation leds_;
+  Seconds exposure_;
   BlobDetector detector_;
   LedFinder finder_;
   LedTracker tracker_;
+  LedResolver resolver_;
   RelativeFilter filter_;
   Time last_frame_ = INT64_MIN;
   Time last_sight_ = 0;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <sstream>
 
@@ -110,7 +111,7 @@ Roi LedTracker::roi(const Pose& X_NB, const Matrix6& cov) const {
 }
 
 LedFrame LedTracker::track(BlobSpan blobs, const Pose& X_NB_predicted,
-                           const Matrix6& cov, Time t) const {
+                           const Matrix6& cov, Time t, TrackDetail* detail) const {
   if (config_.profile == LedTrackerConfig::Profile::paper) {
     return track_paper(blobs, X_NB_predicted, t);
   }
@@ -282,8 +283,17 @@ LedFrame LedTracker::track(BlobSpan blobs, const Pose& X_NB_predicted,
   Assignment dropped;
   for (int pass = 0; pass < 3 && match.blobs > 0; ++pass) {
     auto seen = observations(match, shifted, blobs, config_.merged_imbalance);
-    for (LedObservation& o : seen)
+    for (LedObservation& o : seen) {
       o.cov += (0.25 + led_px * led_px) * Matrix2::Identity();
+      if (!std::has_single_bit(o.leds)) continue;
+      // Another LED may hide in its blob.
+      const auto k = static_cast<std::size_t>(std::countr_zero(o.leds));
+      for (std::size_t i = 0; i < static_cast<std::size_t>(leds_.size()); ++i) {
+        const Vector2 apart = shifted.uv[i] - shifted.uv[k];
+        if (match.blob[i] >= 0 || apart.norm() > config_.merge_px) continue;
+        o.cov += 0.25 * apart * apart.transpose();
+      }
+    }
     const auto fit = refine_pose(camera_, leds_, {seen.data(), seen.size()},
                                  X_NB_predicted, &prior, 6);
     if (!fit) break;
@@ -298,6 +308,7 @@ LedFrame LedTracker::track(BlobSpan blobs, const Pose& X_NB_predicted,
   }
   frame.seen = observations(match, shifted, blobs, config_.merged_imbalance);
   images = shifted;
+  if (detail != nullptr) *detail = {shifted, match, X_NB_predicted, prior};
   refuse_rest(match, dropped);
   return frame;
 }

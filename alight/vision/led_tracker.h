@@ -1,5 +1,6 @@
 #pragma once
 #include "alight/vision/blob.h"
+#include "alight/vision/led_matcher.h"
 #include "alight/vision/pose_from_leds.h"
 
 namespace alight {
@@ -26,6 +27,14 @@ struct LedTrackerConfig {
   Result<void> validate() const;
 };
 
+/// What the tracker saw on its way to an answer.
+struct TrackDetail {
+  LedImages images;  ///< Where the pose that it came to puts the LEDs.
+  Assignment match;
+  Pose X_NB_predicted = Pose::Identity();
+  Matrix6 prior_information = Matrix6::Zero();  ///< About it, generous.
+};
+
 /// Follows the LEDs from a predicted pose (paper: correspondence tracking). Stateless:
 /// the same call gives the same answer.
 class LedTracker {
@@ -37,7 +46,7 @@ class LedTracker {
   /// not seen is missing from the answer, which may be empty.
   /// @param cov  Of (dp_NB, dR in B) of the prediction.
   LedFrame track(BlobSpan blobs, const Pose& X_NB_predicted, const Matrix6& cov,
-                 Time t = 0) const;
+                 Time t = 0, TrackDetail* detail = nullptr) const;
 
   /// A rig that has been measured, to `led_sd_m`, takes the place of the one written
   /// down. @pre as many LEDs as before.

@@ -1,0 +1,263 @@
+#include "alight/vision/led_resolver.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <bit>
+#include <cmath>
+
+#include "alight/base/bounds.h"
+
+namespace alight {
+namespace {
+
+constexpr double kDark = 0.08;        // share of the brightest that is no light
+constexpr double kVagueSd = 3;        // px; an LED less well placed is not seen
+constexpr double kForeignReach = 40;  // px
+constexpr double kDimLeast = 12;      // grey levels of an LED that has no blob
+constexpr double kGoodChi2 = 3;       // per pixel; a worse fit is tried again
+constexpr double kSpreadLeast = 0.3, kSpreadMost = 9;  // px^2
+
+/// Takes the LEDs for which `keep` is false out of the information, the rest being
+/// told without them.
+GroupMatrix marginal(const GroupMatrix& information, std::span<const int> keep) {
+  const auto n = static_cast<Eigen::Index>(keep.size());
+  const Eigen::Index all = information.rows() / 2;
+  if (n == all) return information;
+  FixedVector<int, kMaxGroup> drop;
+  for (int i = 0; i < static_cast<int>(all); ++i) {
+    if (std::find(keep.begin(), keep.end(), i) == keep.end()) drop.push_back(i);
+  }
+  const auto block = [&](std::span<const int> rows, std::span<const int> columns) {
+    GroupMatrix out(2 * static_cast<Eigen::Index>(rows.size()),
+                    2 * static_cast<Eigen::Index>(columns.size()));
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+      for (std::size_t j = 0; j < columns.size(); ++j) {
+        out.block<2, 2>(2 * static_cast<Eigen::Index>(i),
+                        2 * static_cast<Eigen::Index>(j)) =
+            information.block<2, 2>(2 * rows[i], 2 * columns[j]);
+      }
+    }
+    return out;
+  };
+  const std::span<const int> gone(drop.data(), drop.size());
+  GroupMatrix H_dd = block(gone, gone);
+  H_dd.diagonal().array() += 1e-6;
+  const GroupMatrix H_kd = block(keep, gone);
+  const Eigen::LLT<GroupMatrix> llt(H_dd);
+  return block(keep, keep) - H_kd * llt.solve(H_kd.transpose());
+}
+
+}  // namespace
+
+Result<void> LedResolverConfig::validate() const {
+  return check_bounds({{"resolver.area_max_px", area_max_px, 0, 1e4},
+                       {"resolver.touch", touch, 0.5, 4},
+                       {"resolver.dim_reach_px", dim_reach_px, 0, 10},
+                       {"resolver.sd_floor_px", sd_floor_px, 1e-3, 10},
+                       {"resolver.spread_sd_px", spread_sd_px, 0.5, 3},
+                       {"resolver.spread_share", spread_share, 0.01, 1},
+                       {"resolver.spread_memory", spread_memory, 1, 1e6}});
+}
+
+/// LEDs whose images touch.
+struct LedResolver::Patch {
+  FixedVector<int, kMaxLeds> members;
+  double area_px = 0;  ///< Of the largest of its blobs; 0: none.
+  std::optional<SpotFit> fit;
+};
+
+Result<LedResolver> LedResolver::create(const LedResolverConfig& config,
+                                        const Camera& camera,
+                                        const Constellation& leds) {
+  if (const auto valid = config.validate(); !valid) return fail(valid.error());
+  return LedResolver(config, camera, leds);
+}
+
+LedResolver::LedResolver(const LedResolverConfig& config, const Camera& camera,
+                         const Constellation& leds)
+    : config_(config),
+      camera_(camera),
+      leds_(leds),
+      spread_{config.spread_sd_px * config.spread_sd_px, config.spread_share} {}
+
+void LedResolver::learn(const SpotFit& fit) {
+  if (!(fit.variance_information > 0)) return;
+  const double own = 1 / fit.variance_information;  // variance of what it found
+  const double share = config_.spread_share * spread_.variance_px2;
+  if (own > share * share) return;
+  known_ = std::min(known_ + 1, config_.spread_memory);
+  spread_.variance_px2 += (fit.variance_px2 - spread_.variance_px2) / (known_ + 1);
+  spread_.variance_px2 = std::clamp(spread_.variance_px2, kSpreadLeast, kSpreadMost);
+  // Lights differ by their distance and brightness: it is never known exactly.
+  spread_.share_sd = std::max(config_.spread_share / std::sqrt(known_ + 1), 0.08);
+}
+
+void LedResolver::add(const Patch& patch, BlobSpan blobs, const Assignment& match,
+                      LedFrame& out) const {
+  const SpotFit& fit = *patch.fit;
+  const Eigen::Index n = 2 * fit.count;
+  double brightest = 0;
+  for (int k = 0; k < fit.count; ++k) {
+    brightest = std::max(brightest, fit.height[static_cast<std::size_t>(k)]);
+  }
+  const auto marginals = [](const GroupMatrix& information) {
+    GroupMatrix regular = information;
+    regular.diagonal().array() += 1e-2;  // 10 px: known from elsewhere
+    const Eigen::LLT<GroupMatrix> llt(regular);
+    return GroupMatrix(
+        llt.solve(GroupMatrix::Identity(information.rows(), information.cols())));
+  };
+  const GroupMatrix cov_all = marginals(fit.information);
+  FixedVector<int, kMaxGroup> keep;
+  for (int k = 0; k < fit.count; ++k) {
+    const double variance = cov_all(2 * k, 2 * k) + cov_all(2 * k + 1, 2 * k + 1);
+    if (fit.height[static_cast<std::size_t>(k)] > kDark * brightest &&
+        variance < 2 * kVagueSd * kVagueSd) {
+      keep.push_back(k);
+    }
+  }
+  if (keep.empty()) return;
+  GroupMatrix information = marginal(fit.information, {keep.data(), keep.size()});
+  const GroupMatrix cov = keep.size() == static_cast<std::size_t>(n / 2)
+                              ? cov_all
+                              : marginals(information);
+  OverlappingLeds group;
+  group.first = static_cast<int>(out.seen.size());
+  group.count = static_cast<int>(keep.size());
+  for (std::size_t m = 0; m < keep.size(); ++m) {
+    const auto at = static_cast<Eigen::Index>(2 * m);
+    const int led = patch.members[static_cast<std::size_t>(keep[m])];
+    LedObservation o;
+    o.leds = static_cast<std::uint16_t>(1u << led);
+    o.uv = fit.uv[static_cast<std::size_t>(keep[m])];
+    o.cov = cov.block<2, 2>(at, at) +
+            config_.sd_floor_px * config_.sd_floor_px * Matrix2::Identity();
+    const int j = match.blob[static_cast<std::size_t>(led)];
+    if (j >= 0) o.depth_m = blobs[static_cast<std::size_t>(j)].depth_m;
+    out.seen.push_back(o);
+  }
+  if (group.count < 2) return;
+  group.information = information;
+  out.groups.push_back(group);
+}
+
+void LedResolver::fit(const ImageView& image, BlobSpan blobs, const Assignment& match,
+                      const LedImages& images, std::span<const Vector2> blur_px,
+                      Patch& patch) const {
+  const auto count = static_cast<double>(patch.members.size());
+  if (patch.members.size() > kMaxGroup) return;
+  if (patch.area_px > config_.area_max_px * count) return;
+  FixedVector<Vector2, kMaxGroup> starts;
+  Vector2 blur = Vector2::Zero();
+  for (const int i : patch.members) {
+    const auto n = static_cast<std::size_t>(i);
+    starts.push_back(images.uv[n]);
+    blur += blur_px[n] / count;
+  }
+  const int first = match.blob[static_cast<std::size_t>(patch.members[0])];
+  if (starts.size() == 1 && first >= 0) {
+    starts[0] = blobs[static_cast<std::size_t>(first)].uv;
+  }
+  FixedVector<Roi, 32> foreign;
+  for (std::size_t j = 0; j < blobs.size(); ++j) {
+    if ((blobs[j].uv - starts[0]).cwiseAbs().maxCoeff() > kForeignReach) continue;
+    const bool used = std::find(match.blob.begin(), match.blob.end(),
+                                static_cast<int>(j)) != match.blob.end();
+    if (!used) foreign.push_back(blobs[j].box);
+  }
+  auto found = fit_spots(image, {starts.data(), starts.size()}, spread_, blur,
+                         {foreign.data(), foreign.size()});
+  if (!found) return;
+  if (patch.area_px == 0 &&
+      (found->height[0] < kDimLeast ||
+       (found->uv[0] - starts[0]).norm() > config_.dim_reach_px)) {
+    return;
+  }
+  if (!patch.fit || found->chi2_per_pixel < patch.fit->chi2_per_pixel) {
+    patch.fit = found;
+  }
+}
+
+void LedResolver::resolve(const ImageView& image, BlobSpan blobs,
+                          const TrackDetail& detail, std::span<const Vector2> blur_px,
+                          LedFrame& frame) {
+  const LedImages& images = detail.images;
+  const Assignment& match = detail.match;
+  const auto n = blur_px.size();
+  // LEDs whose images touch, and those that share a blob.
+  std::array<std::size_t, kMaxLeds> group;
+  for (std::size_t i = 0; i < n; ++i) group[i] = i;
+  const double touch = config_.touch * spot_reach_px(spread_, Vector2::Zero());
+  for (std::size_t i = 0; i < n; ++i) {
+    for (std::size_t k = 0; k < i; ++k) {
+      if (!images.in_front[i] || !images.in_front[k] || group[i] == group[k]) continue;
+      const bool shared = match.blob[i] >= 0 && match.blob[i] == match.blob[k];
+      if (!shared && (images.uv[i] - images.uv[k]).norm() > touch) continue;
+      const std::size_t from = group[i], to = group[k];
+      for (std::size_t j = 0; j < n; ++j) {
+        if (group[j] == from) group[j] = to;
+      }
+    }
+  }
+  Patches patches;
+  for (std::size_t g = 0; g < n; ++g) {
+    Patch patch;
+    for (std::size_t i = 0; i < n; ++i) {
+      if (group[i] != g || !images.in_front[i]) continue;
+      patch.members.push_back(static_cast<int>(i));
+      if (match.blob[i] < 0) continue;
+      const Blob& blob = blobs[static_cast<std::size_t>(match.blob[i])];
+      patch.area_px = std::max(patch.area_px, blob.area_px);
+    }
+    if (!patch.members.empty()) patches.push_back(patch);
+  }
+
+  // Patches with blobs first; what they say of the pose shows where to look for the
+  // rest.
+  bool all = true;
+  for (Patch& patch : patches) {
+    if (patch.area_px > 0) fit(image, blobs, match, images, blur_px, patch);
+    all = all && patch.fit && patch.fit->chi2_per_pixel < kGoodChi2;
+  }
+  const auto collect = [&] {
+    LedFrame out;
+    for (const Patch& patch : patches) {
+      if (patch.fit) {
+        add(patch, blobs, match, out);
+        continue;
+      }
+      // Several LEDs in a blob that cannot be told apart: no place of any.
+      for (const LedObservation& o : frame.seen) {
+        const auto first = static_cast<std::size_t>(std::countr_zero(o.leds));
+        if (group[first] == group[static_cast<std::size_t>(patch.members[0])] &&
+            (patch.members.size() == 1 ||
+             std::popcount(o.leds) == static_cast<int>(patch.members.size()))) {
+          out.seen.push_back(o);
+        }
+      }
+    }
+    return out;
+  };
+  LedFrame out = collect();
+  if (!all && out.seen.size() >= 2) {
+    const auto pose =
+        refine_pose(camera_, leds_, {out.seen.data(), out.seen.size()},
+                    detail.X_NB_predicted, &detail.prior_information, 6);
+    if (pose) {
+      const LedImages again = led_images(camera_, leds_, pose->X_NB);
+      for (Patch& patch : patches) {
+        if (patch.fit && patch.fit->chi2_per_pixel < kGoodChi2) continue;
+        if (patch.area_px == 0 && patch.members.size() > 1) continue;
+        fit(image, blobs, match, again, blur_px, patch);
+      }
+      out = collect();
+    }
+  }
+  for (const Patch& patch : patches) {
+    if (patch.fit) learn(*patch.fit);
+  }
+  frame.seen = out.seen;
+  frame.groups = out.groups;
+}
+
+}  // namespace alight

@@ -1,0 +1,68 @@
+#pragma once
+#include "alight/vision/led_tracker.h"
+#include "alight/vision/spot_fit.h"
+
+namespace alight {
+
+struct LedResolverConfig {
+  double area_max_px = 60;     ///< Larger patches of one LED keep their centroid.
+  double touch = 1.6;          ///< Images nearer than this many reaches of a light
+                               ///< (spot_reach_px) are fitted together.
+  double dim_reach_px = 1.2;   ///< An LED without a blob is at most this far off.
+  double sd_floor_px = 0.02;   ///< No light's place is known better.
+  double spread_sd_px = 0.9;   ///< Point spread of a camera not seen yet,
+  double spread_share = 0.35;  ///< known to this share of its variance.
+  double spread_memory = 100;  ///< Patches over which it is learnt.
+
+  Result<void> validate() const;
+};
+
+/// Says where LEDs are that the tracker has told apart, from the pixels: lights that
+/// run together are separated, small ones are placed better than by their centroid above
+/// the threshold, and ones too dim for it are found where the others say they must be.
+/// The camera's point spread is learnt on the way.
+///
+/// No allocation after construction.
+class LedResolver {
+ public:
+  static Result<LedResolver> create(const LedResolverConfig& config,
+                                    const Camera& camera, const Constellation& leds);
+
+  /// Replaces the observations of every patch whose lights can be fitted; the others
+  /// stay as they are, or go where several LEDs cannot be told apart in them. An LED
+  /// that gives no light is left out.
+  ///
+  /// @param detail   Of the track() that made `frame` from `blobs`.
+  /// @param blur_px  For each LED of the rig, its image's way during the exposure.
+  void resolve(const ImageView& image, BlobSpan blobs, const TrackDetail& detail,
+               std::span<const Vector2> blur_px, LedFrame& frame);
+
+  const PointSpread& spread() const { return spread_; }
+
+  /// @pre as many LEDs as before.
+  void set_rig(const Camera& camera, const Constellation& leds) {
+    camera_ = camera;
+    leds_ = leds;
+  }
+
+ private:
+  struct Patch;
+  using Patches = FixedVector<Patch, kMaxLeds>;
+
+  LedResolver(const LedResolverConfig& config, const Camera& camera,
+              const Constellation& leds);
+  void learn(const SpotFit& fit);
+  void add(const Patch& patch, BlobSpan blobs, const Assignment& match,
+           LedFrame& out) const;
+  void fit(const ImageView& image, BlobSpan blobs, const Assignment& match,
+           const LedImages& images, std::span<const Vector2> blur_px,
+           Patch& patch) const;
+
+  LedResolverConfig config_;
+  Camera camera_;
+  Constellation leds_;
+  PointSpread spread_;
+  double known_ = 0;  // patches learnt from, at most spread_memory
+};
+
+}  // namespace alight

@@ -1,0 +1,51 @@
+#pragma once
+#include <array>
+#include <optional>
+#include <span>
+
+#include "alight/geometry/image.h"
+#include "alight/geometry/led_frame.h"
+#include "alight/vision/blob.h"
+
+namespace alight {
+
+/// How the camera draws a point of light: a Gaussian.
+struct PointSpread {
+  double variance_px2 = 1;  ///< Per axis: lens, pixel, and the LED's own size.
+  double share_sd = 0.4;    ///< How well it is known, as a share of itself.
+};
+
+/// How far a light's pixels reach that fit_spots looks at.
+double spot_reach_px(const PointSpread& spread, const Vector2& blur_px);
+
+/// The lights of one patch of a picture, told apart.
+struct SpotFit {
+  int count = 0;
+  std::array<Vector2, kMaxGroup> uv;        ///< px
+  std::array<double, kMaxGroup> height{};   ///< Of each light's peak, grey levels.
+  GroupMatrix information;                  ///< px^-2, of all uv together; what the
+                                            ///< pixels do not decide has none.
+  double variance_px2 = 0;                  ///< Of the point spread, as found here,
+  double variance_information = 0;          ///< and the information on it.
+  double chi2_per_pixel = 0;                ///< About 1 where the model holds.
+};
+
+/// Finds where `starts.size()` lights stand whose images overlap, from the pixels
+/// themselves: the sum of one Gaussian each over an even background, least squares
+/// (Gauss-Newton) over places, heights, background and width together. Pixels at the
+/// sensor's upper end say only that the light is at least that.
+///
+/// Of a colour picture its luminance counts, which no chroma subsampling has blurred.
+///
+/// @param starts  px, where each is expected; off by less than about a pixel and a
+///                half.
+/// @param blur_px Displacement of the images during the exposure.
+/// @param foreign Boxes of lights that are none of these; their pixels are left out.
+/// @returns nothing when the lights leave the picture, or what is found is none of the
+///          expected: too far off, or of another shape.
+std::optional<SpotFit> fit_spots(const ImageView& image,
+                                 std::span<const Vector2> starts,
+                                 const PointSpread& spread, const Vector2& blur_px,
+                                 std::span<const Roi> foreign);
+
+}  // namespace alight
