@@ -248,7 +248,8 @@ Result<void> RelativeFilter::prepare(const LedFrame& frame,
   return {};
 }
 
-Result<UpdateReport> RelativeFilter::update(const LedFrame& frame) {
+Result<UpdateReport> RelativeFilter::update(const LedFrame& frame,
+                                            std::size_t agreeing) {
   if (!initialized_ || frame.t != time_ || (updates_ > 0 && frame.t <= last_update_)) {
     return fail(Fault::invalid_input);
   }
@@ -258,6 +259,8 @@ Result<UpdateReport> RelativeFilter::update(const LedFrame& frame) {
   if (const auto ready = prepare(frame, measurements, report); !ready) {
     return fail(ready.error());
   }
+
+  if (report.seen.size() < agreeing) return fail(Fault::ambiguous);
 
   MapUpdateOptions options{.max_iterations = config_.max_iterations,
                            .tolerance = config_.tolerance,

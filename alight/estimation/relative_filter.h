@@ -64,7 +64,8 @@ class RelativeFilter {
   ///   ambiguous       more than half of the observations are improbable: picture and
   ///                   prediction contradict each other; initialize again if it lasts
   ///   no_convergence  the picture cannot be explained near the prediction
-  Result<UpdateReport> update(const LedFrame& frame);
+  /// @param agreeing  Observations that must have passed the gate; less: ambiguous.
+  Result<UpdateReport> update(const LedFrame& frame, std::size_t agreeing = 0);
 
   /// Of the last update that came as far as looking at its observations, be it refused.
   const UpdateReport& last_report() const { return report_; }

@@ -156,17 +156,25 @@ bool RelativeEstimator::follow(const CameraFrame& frame, FrameReport& out,
     return false;
   }
   out.blobs = static_cast<int>(blobs->size());
+  const auto blur = image_motion(X_NB);
+  if (config_.tell_apart && misses_ == 0) {
+    std::optional<LedFrame> leds;
+    {
+      const ProbeScope scope(probe, Stage::associate);
+      leds = resolver_.follow(frame.color, *blobs, X_NB, config_.direct_gate_px,
+                              {blur.data(), blur.size()}, frame.captured);
+    }
+    if (leds && accept(*leds, true, out, probe)) return true;
+  }
   LedFrame leds;
   {
     const ProbeScope scope(probe, Stage::associate);
     TrackDetail detail;
     leds = tracker_.track(*blobs, X_NB, cov, frame.captured, &detail);
     if (config_.tell_apart && !leds.seen.empty()) {
-      const auto blur = image_motion(X_NB);
       resolver_.resolve(frame.color, *blobs, detail, {blur.data(), blur.size()}, leds);
     }
   }
-  out.refused = leds.refused;
   // Out of sight for a while, the prediction is vague enough for any lamp or two to
   // pass for LEDs.
   if (misses_ >= config_.misses_before_search &&
@@ -174,9 +182,17 @@ bool RelativeEstimator::follow(const CameraFrame& frame, FrameReport& out,
     out.why_not = "too few LEDs to be sure";
     return false;
   }
-  if (expecting_) remember_rest(leds);
+  return accept(leds, false, out, probe);
+}
+
+bool RelativeEstimator::accept(const LedFrame& leds, bool only_if_good,
+                               FrameReport& out, Probe* probe) {
   const ProbeScope scope(probe, Stage::filter);
-  const auto report = filter_.update(leds);
+  const auto report =
+      filter_.update(leds, only_if_good ? leds.seen.size() : std::size_t{0});
+  if (!report && only_if_good) return false;
+  if (expecting_) remember_rest(leds);
+  out.refused = leds.refused;
   if (!report) {
     out.why_not = leds.seen.empty() ? "no LED where one is expected"
                                     : "picture and prediction contradict each other";

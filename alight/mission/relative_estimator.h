@@ -15,6 +15,8 @@ struct RelativeEstimatorConfig {
   LedTrackerConfig tracker;
   bool tell_apart = true;  ///< Place LEDs by their pixels, not by their blob's centre.
   LedResolverConfig resolver;
+  double direct_gate_px = 2.5;  ///< LEDs this near to where they are expected are
+                                ///< followed without looking further.
   RelativeFilterConfig filter;
   RestCalibrationConfig rest;
   bool calibrate_at_rest = true;   ///< Before take-off from the pad.
@@ -113,6 +115,9 @@ class RelativeEstimator {
   bool believable_on_floor(const FoundLeds& found);
   bool confirmed(const Pose& X_NB);
   bool follow(const CameraFrame& frame, FrameReport& out, Probe* probe);
+  /// Updates the filter and tells of it. With `only_if_good` nothing happens unless
+  /// every observation agrees with the prediction.
+  bool accept(const LedFrame& leds, bool only_if_good, FrameReport& out, Probe* probe);
   /// The LEDs where they are expected: a fit with all but one of them in view.
   Result<FoundLeds> find_expected(BlobSpan blobs, Time t) const;
   /// Way of each LED's image during the exposure, px.

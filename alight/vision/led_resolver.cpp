@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "alight/base/bounds.h"
+#include "alight/base/median.h"
 
 namespace alight {
 namespace {
@@ -15,6 +16,7 @@ constexpr double kVagueSd = 3;        // px; an LED less well placed is not seen
 constexpr double kForeignReach = 40;  // px
 constexpr double kDimLeast = 12;      // grey levels of an LED that has no blob
 constexpr double kGoodChi2 = 3;       // per pixel; a worse fit is tried again
+constexpr double kStrangerReach = 15;  // px around the constellation
 constexpr double kSpreadLeast = 0.3, kSpreadMost = 9;  // px^2
 
 /// Takes the LEDs for which `keep` is false out of the information, the rest being
@@ -178,13 +180,9 @@ void LedResolver::fit(const ImageView& image, BlobSpan blobs, const Assignment& 
   }
 }
 
-void LedResolver::resolve(const ImageView& image, BlobSpan blobs,
-                          const TrackDetail& detail, std::span<const Vector2> blur_px,
-                          LedFrame& frame) {
-  const LedImages& images = detail.images;
-  const Assignment& match = detail.match;
-  const auto n = blur_px.size();
-  // LEDs whose images touch, and those that share a blob.
+LedResolver::Patches LedResolver::patches(const LedImages& images, BlobSpan blobs,
+                                          const Assignment& match) const {
+  const auto n = static_cast<std::size_t>(leds_.size());
   std::array<std::size_t, kMaxLeds> group;
   for (std::size_t i = 0; i < n; ++i) group[i] = i;
   const double touch = config_.touch * spot_reach_px(spread_, Vector2::Zero());
@@ -199,7 +197,7 @@ void LedResolver::resolve(const ImageView& image, BlobSpan blobs,
       }
     }
   }
-  Patches patches;
+  Patches out;
   for (std::size_t g = 0; g < n; ++g) {
     Patch patch;
     for (std::size_t i = 0; i < n; ++i) {
@@ -209,8 +207,17 @@ void LedResolver::resolve(const ImageView& image, BlobSpan blobs,
       const Blob& blob = blobs[static_cast<std::size_t>(match.blob[i])];
       patch.area_px = std::max(patch.area_px, blob.area_px);
     }
-    if (!patch.members.empty()) patches.push_back(patch);
+    if (!patch.members.empty()) out.push_back(patch);
   }
+  return out;
+}
+
+void LedResolver::resolve(const ImageView& image, BlobSpan blobs,
+                          const TrackDetail& detail, std::span<const Vector2> blur_px,
+                          LedFrame& frame) {
+  const LedImages& images = detail.images;
+  const Assignment& match = detail.match;
+  Patches patches = this->patches(images, blobs, match);
 
   // Patches with blobs first; what they say of the pose shows where to look for the
   // rest.
@@ -228,10 +235,10 @@ void LedResolver::resolve(const ImageView& image, BlobSpan blobs,
       }
       // Several LEDs in a blob that cannot be told apart: no place of any.
       for (const LedObservation& o : frame.seen) {
-        const auto first = static_cast<std::size_t>(std::countr_zero(o.leds));
-        if (group[first] == group[static_cast<std::size_t>(patch.members[0])] &&
-            (patch.members.size() == 1 ||
-             std::popcount(o.leds) == static_cast<int>(patch.members.size()))) {
+        const int first = std::countr_zero(o.leds);
+        if (std::find(patch.members.begin(), patch.members.end(), first) !=
+                patch.members.end() &&
+            std::popcount(o.leds) == static_cast<int>(patch.members.size())) {
           out.seen.push_back(o);
         }
       }
@@ -258,6 +265,103 @@ void LedResolver::resolve(const ImageView& image, BlobSpan blobs,
   }
   frame.seen = out.seen;
   frame.groups = out.groups;
+  lit_ = 0;
+  for (const LedObservation& o : out.seen) {
+    if (std::has_single_bit(o.leds)) lit_ = static_cast<std::uint16_t>(lit_ | o.leds);
+  }
+}
+
+std::optional<LedFrame> LedResolver::follow(const ImageView& image, BlobSpan blobs,
+                                            const Pose& X_NB_predicted, double gate_px,
+                                            std::span<const Vector2> blur_px, Time t) {
+  LedImages images = led_images(camera_, leds_, X_NB_predicted);
+  if (images.count < leds_.size()) return std::nullopt;
+  // What all have in common: the middle of the shifts of LEDs that stand alone.
+  const auto nearest = [&](const Vector2& uv, double reach) {
+    int best = -1;
+    for (std::size_t j = 0; j < blobs.size(); ++j) {
+      const double d = (blobs[j].uv - uv).norm();
+      if (blobs[j].cut || d >= reach) continue;
+      reach = d;
+      best = static_cast<int>(j);
+    }
+    return best;
+  };
+  const double alone = config_.touch * spot_reach_px(spread_, Vector2::Zero());
+  FixedVector<double, kMaxLeds> du, dv;
+  for (int i = 0; i < leds_.size(); ++i) {
+    const Vector2& uv = images.uv[static_cast<std::size_t>(i)];
+    bool single = true;
+    for (int k = 0; k < leds_.size() && single; ++k) {
+      single = k == i || (images.uv[static_cast<std::size_t>(k)] - uv).norm() > alone;
+    }
+    const int j = single ? nearest(uv, gate_px) : -1;
+    if (j < 0) continue;
+    du.push_back(blobs[static_cast<std::size_t>(j)].uv.x() - uv.x());
+    dv.push_back(blobs[static_cast<std::size_t>(j)].uv.y() - uv.y());
+  }
+  if (du.size() >= 2) {
+    const Vector2 shift(median(du.begin(), du.end()), median(dv.begin(), dv.end()));
+    for (Vector2& uv : images.uv) uv += shift;
+    images.middle += shift;
+  }
+
+  // Every blob in reach of an LED is its own, or nobody's business here.
+  Assignment match;
+  for (int i = 0; i < leds_.size(); ++i) {
+    const auto n = static_cast<std::size_t>(i);
+    const int j = nearest(images.uv[n], alone);
+    if (j < 0) continue;
+    const Blob& blob = blobs[static_cast<std::size_t>(j)];
+    if (config_.use_color && !colors_agree(blob.color, leds_.color(i), true)) {
+      return std::nullopt;
+    }
+    match.blob[n] = j;
+  }
+  Patches patches = this->patches(images, blobs, match);
+  LedFrame out;
+  out.t = t;
+  for (Patch& patch : patches) {
+    fit(image, blobs, match, images, blur_px, patch);
+    if (patch.fit) {
+      add(patch, blobs, match, out);
+      continue;
+    }
+    if (patch.area_px == 0) continue;
+    // A single large one stays what its blob says.
+    const auto n = static_cast<std::size_t>(patch.members[0]);
+    if (patch.members.size() > 1 || patch.area_px <= config_.area_max_px) {
+      return std::nullopt;
+    }
+    const Blob& blob = blobs[static_cast<std::size_t>(match.blob[n])];
+    LedObservation o;
+    o.leds = static_cast<std::uint16_t>(1u << n);
+    o.uv = blob.uv;
+    o.cov = blob.cov;
+    o.depth_m = blob.depth_m;
+    out.seen.push_back(o);
+  }
+  std::uint16_t lit = 0;
+  for (const LedObservation& o : out.seen) lit = static_cast<std::uint16_t>(lit | o.leds);
+  if (out.seen.size() < 4 || (lit_ & ~lit) != 0) return std::nullopt;
+  const double around = images.size_px + kStrangerReach;
+  for (std::size_t j = 0; j < blobs.size(); ++j) {
+    if (std::find(match.blob.begin(), match.blob.end(), static_cast<int>(j)) !=
+        match.blob.end()) {
+      continue;
+    }
+    // It may be the LED that is missing.
+    const double d = (blobs[j].uv - images.middle).norm();
+    if (out.seen.size() < static_cast<std::size_t>(leds_.size()) && d < around) {
+      return std::nullopt;
+    }
+    out.refused.push_back({blobs[j].uv, Refusal::no_led_near});
+  }
+  lit_ = lit;
+  for (const Patch& patch : patches) {
+    if (patch.fit) learn(*patch.fit);
+  }
+  return out;
 }
 
 }  // namespace alight

@@ -5,6 +5,7 @@
 namespace alight {
 
 struct LedResolverConfig {
+  bool use_color = true;
   double area_max_px = 60;     ///< Larger patches of one LED keep their centroid.
   double touch = 1.6;          ///< Images nearer than this many reaches of a light
                                ///< (spot_reach_px) are fitted together.
@@ -37,6 +38,16 @@ class LedResolver {
   void resolve(const ImageView& image, BlobSpan blobs, const TrackDetail& detail,
                std::span<const Vector2> blur_px, LedFrame& frame);
 
+  /// The same without a tracker, from a good prediction: every LED is looked for where
+  /// it is expected, `gate_px` around it at most, moved by what all have in common.
+  /// Colours that speak against an LED are heeded.
+  ///
+  /// @returns nothing when the picture shows light nearby that no LED accounts for, or
+  ///          an LED less than the last time: somebody else has to look.
+  std::optional<LedFrame> follow(const ImageView& image, BlobSpan blobs,
+                                 const Pose& X_NB_predicted, double gate_px,
+                                 std::span<const Vector2> blur_px, Time t);
+
   const PointSpread& spread() const { return spread_; }
 
   /// @pre as many LEDs as before.
@@ -51,6 +62,8 @@ class LedResolver {
 
   LedResolver(const LedResolverConfig& config, const Camera& camera,
               const Constellation& leds);
+  Patches patches(const LedImages& images, BlobSpan blobs,
+                  const Assignment& match) const;
   void learn(const SpotFit& fit);
   void add(const Patch& patch, BlobSpan blobs, const Assignment& match,
            LedFrame& out) const;
@@ -62,6 +75,7 @@ class LedResolver {
   Camera camera_;
   Constellation leds_;
   PointSpread spread_;
+  std::uint16_t lit_ = 0;  // LEDs seen the last time
   double known_ = 0;  // patches learnt from, at most spread_memory
 };
 

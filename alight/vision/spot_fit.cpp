@@ -19,7 +19,7 @@ constexpr double kStartSd = 1.2;      // px, keeps a fit that nothing else holds
 constexpr double kShiftMax = 2.5;     // px
 constexpr double kChi2Max = 12;       // per pixel
 constexpr int kIterations = 5;
-constexpr double kStepPx = 0.01;
+constexpr double kStepPx = 0.02;
 
 struct Pixel {
   float u, v, light, weight;
@@ -103,7 +103,11 @@ std::optional<SpotFit> fit(const Pixels& pixels, std::span<const Vector2> starts
   out.count = K;
   Matrix A;
   Vector g;
-  Eigen::LLT<Matrix> llt;
+  // Rows of whole registers; the last entries stay zero.
+  constexpr int kPadded = (kN + 3) / 4 * 4;
+  alignas(16) float sum[kN][kPadded];
+  alignas(16) float J[kPadded] = {};
+  float pull[kN];
   double cost = 0;
   for (int iteration = 0;; ++iteration) {
     const double s2 = spread.variance_px2 * width;
@@ -114,11 +118,10 @@ std::optional<SpotFit> fit(const Pixels& pixels, std::span<const Vector2> starts
     const auto i_uu = static_cast<float>(c / det), i_vv = static_cast<float>(a / det);
     const auto i_uv = static_cast<float>(-b / det);
     const auto grow = static_cast<float>(s2 / 2);
-    A.setZero();
-    g.setZero();
+    std::fill(&sum[0][0], &sum[0][0] + kN * kPadded, 0.f);
+    std::fill(pull, pull + kN, 0.f);
     cost = 0;
     for (const Pixel& p : pixels) {
-      Vector J;
       float model = back, by_width = 0;
       for (int k = 0; k < K; ++k) {
         const auto n = static_cast<std::size_t>(k);
@@ -138,9 +141,15 @@ std::optional<SpotFit> fit(const Pixels& pixels, std::span<const Vector2> starts
       const float r = p.light - model;
       if (p.full && r < 0) continue;
       cost += static_cast<double>(p.weight * r * r);
-      const Vector wJ = p.weight * J;
-      g.noalias() += r * wJ;
-      A.template triangularView<Eigen::Lower>() += wJ * J.transpose();
+      for (int i = 0; i < kN; ++i) {
+        const float w = p.weight * J[i];
+        pull[i] += r * w;
+        for (int j = 0; j < kPadded; ++j) sum[i][j] += w * J[j];
+      }
+    }
+    for (int i = 0; i < kN; ++i) {
+      g[i] = pull[i];
+      for (int j = 0; j < kN; ++j) A(i, j) = sum[i][j];
     }
     const auto share2 = static_cast<float>(spread.share_sd * spread.share_sd);
     constexpr auto back2 = static_cast<float>(kBackgroundSd * kBackgroundSd);
@@ -161,7 +170,7 @@ std::optional<SpotFit> fit(const Pixels& pixels, std::span<const Vector2> starts
       g[3 * k] -= static_cast<float>(off.x()) / start2;
       g[3 * k + 1] -= static_cast<float>(off.y()) / start2;
     }
-    llt.compute(damped);
+    const Eigen::LLT<Matrix> llt(damped);
     if (llt.info() != Eigen::Success) return std::nullopt;
     const Vector step = llt.solve(g);
     if (!step.allFinite()) return std::nullopt;
@@ -191,7 +200,7 @@ std::optional<SpotFit> fit(const Pixels& pixels, std::span<const Vector2> starts
 
   // What the pixels say of the places, everything else unknown.
   const Eigen::Matrix<double, kN, kN> H =
-      A.template selfadjointView<Eigen::Lower>().toDenseMatrix().template cast<double>() /
+      A.template cast<double>() /
       std::max(out.chi2_per_pixel, 1.0);
   Eigen::Matrix<double, 2 * K, 2 * K> H_pp;
   Eigen::Matrix<double, 2 * K, K + 2> H_pn;
