@@ -59,6 +59,7 @@ RelativeEstimatorConfig RelativeEstimatorConfig::paper() {
 
 RelativeEstimatorConfig RelativeEstimatorConfig::camera_only() {
   RelativeEstimatorConfig config;
+  config.prediction_step_ms = 50;  // nothing happens between pictures
   config.filter = RelativeFilterConfig::camera_only();
   return config;
 }

@@ -82,7 +82,12 @@ LedResolver::LedResolver(const LedResolverConfig& config, const Camera& camera,
       leds_(leds),
       spread_{config.spread_sd_px * config.spread_sd_px, config.spread_share} {}
 
-void LedResolver::learn(const SpotFit& fit) {
+void LedResolver::learn(const Patch& patch) {
+  if (!patch.fit) return;
+  const SpotFit& fit = *patch.fit;
+  for (std::size_t k = 0; k < patch.members.size(); ++k) {
+    heights_[static_cast<std::size_t>(patch.members[k])] = fit.height[k];
+  }
   if (!(fit.variance_information > 0)) return;
   const double own = 1 / fit.variance_information;  // variance of what it found
   const double share = config_.spread_share * spread_.variance_px2;
@@ -150,10 +155,12 @@ void LedResolver::fit(const ImageView& image, BlobSpan blobs, const Assignment& 
   if (patch.members.size() > kMaxGroup) return;
   if (patch.area_px > config_.area_max_px * count) return;
   FixedVector<Vector2, kMaxGroup> starts;
+  FixedVector<double, kMaxGroup> heights;
   Vector2 blur = Vector2::Zero();
   for (const int i : patch.members) {
     const auto n = static_cast<std::size_t>(i);
     starts.push_back(images.uv[n]);
+    heights.push_back(heights_[n]);
     blur += blur_px[n] / count;
   }
   const int first = match.blob[static_cast<std::size_t>(patch.members[0])];
@@ -167,7 +174,8 @@ void LedResolver::fit(const ImageView& image, BlobSpan blobs, const Assignment& 
                                 static_cast<int>(j)) != match.blob.end();
     if (!used) foreign.push_back(blobs[j].box);
   }
-  auto found = fit_spots(image, {starts.data(), starts.size()}, spread_, blur,
+  auto found = fit_spots(image, {starts.data(), starts.size()},
+                         {heights.data(), heights.size()}, spread_, blur,
                          {foreign.data(), foreign.size()});
   if (!found) return;
   if (patch.area_px == 0 &&
@@ -260,9 +268,7 @@ void LedResolver::resolve(const ImageView& image, BlobSpan blobs,
       out = collect();
     }
   }
-  for (const Patch& patch : patches) {
-    if (patch.fit) learn(*patch.fit);
-  }
+  for (const Patch& patch : patches) learn(patch);
   frame.seen = out.seen;
   frame.groups = out.groups;
   lit_ = 0;
@@ -358,9 +364,7 @@ std::optional<LedFrame> LedResolver::follow(const ImageView& image, BlobSpan blo
     out.refused.push_back({blobs[j].uv, Refusal::no_led_near});
   }
   lit_ = lit;
-  for (const Patch& patch : patches) {
-    if (patch.fit) learn(*patch.fit);
-  }
+  for (const Patch& patch : patches) learn(patch);
   return out;
 }
 

@@ -64,7 +64,7 @@ class LedResolver {
               const Constellation& leds);
   Patches patches(const LedImages& images, BlobSpan blobs,
                   const Assignment& match) const;
-  void learn(const SpotFit& fit);
+  void learn(const Patch& patch);
   void add(const Patch& patch, BlobSpan blobs, const Assignment& match,
            LedFrame& out) const;
   void fit(const ImageView& image, BlobSpan blobs, const Assignment& match,
@@ -75,6 +75,7 @@ class LedResolver {
   Camera camera_;
   Constellation leds_;
   PointSpread spread_;
+  std::array<double, kMaxLeds> heights_{};  // grey levels; 0: not known
   std::uint16_t lit_ = 0;  // LEDs seen the last time
   double known_ = 0;  // patches learnt from, at most spread_memory
 };

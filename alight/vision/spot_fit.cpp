@@ -3,51 +3,51 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 
 namespace alight {
 namespace {
 
-constexpr int kWindowMax = 40;        // px, each way
 constexpr double kReach = 2.6;        // standard deviations around a light
 constexpr int kCensored = 240;        // grey level from which a pixel is full
-constexpr double kReadVariance = 6;   // of a pixel's luminance, grey levels^2
-constexpr double kShot = 0.15;        // variance per grey level
-constexpr double kMismatch = 0.04;    // of the model, share of the light
+constexpr float kReadVariance = 6;   // of a pixel's luminance, grey levels^2
+constexpr float kShot = 0.15f;        // variance per grey level
+constexpr float kMismatch = 0.04f;    // of the model, share of the light
 constexpr double kBackgroundSd = 15;  // grey levels
 constexpr double kStartSd = 1.2;      // px, keeps a fit that nothing else holds
 constexpr double kShiftMax = 2.5;     // px
 constexpr double kChi2Max = 12;       // per pixel
 constexpr int kIterations = 5;
-constexpr double kStepPx = 0.02;
+constexpr double kStepPx = 0.06;
 
-struct Pixel {
-  float u, v, light, weight;
-  bool full;
+constexpr int kLane = 4;         // pixels go through the machine in fours
+constexpr int kPixelsMax = 512;  // a multiple of kLane
+
+/// The pixels around the lights. Past `count`, up to a whole lane, they weigh nothing.
+struct Pixels {
+  int count = 0, padded = 0;
+  alignas(16) std::array<float, kPixelsMax> u, v, light, weight;
+  alignas(16) std::array<float, kPixelsMax> full;  // 1: at the sensor's upper end
 };
 
 /// Luminance (ITU-R BT.601) and whether a channel is at its upper end.
-Pixel pixel_at(const ImageView& image, int u, int v) {
+void take(const ImageView& image, int u, int v, std::size_t at, Pixels& out) {
   const std::uint8_t* p = image.row(v) + u * image.channels;
-  Pixel out;
-  out.u = static_cast<float>(u);
-  out.v = static_cast<float>(v);
-  if (image.channels == 1) {
-    out.light = p[0];
-    out.full = p[0] >= kCensored;
-  } else {
-    out.light = 0.114f * p[0] + 0.587f * p[1] + 0.299f * p[2];
-    out.full = std::max({p[0], p[1], p[2]}) >= kCensored;
+  float light = p[0];
+  int most = p[0];
+  if (image.channels == 3) {
+    light = 0.114f * p[0] + 0.587f * p[1] + 0.299f * p[2];
+    most = std::max({p[0], p[1], p[2]});
   }
-  const float mismatch = static_cast<float>(kMismatch) * out.light;
-  out.weight = 1 / (static_cast<float>(kReadVariance) +
-                    static_cast<float>(kShot) * out.light + mismatch * mismatch);
-  return out;
+  const float mismatch = kMismatch * light;
+  out.u[at] = static_cast<float>(u);
+  out.v[at] = static_cast<float>(v);
+  out.light[at] = light;
+  out.full[at] = most >= kCensored ? 1.f : 0.f;
+  out.weight[at] = 1 / (kReadVariance + kShot * light + mismatch * mismatch);
 }
 
-using Pixels = FixedVector<Pixel, kWindowMax * kWindowMax>;
-
-/// The pixels around the lights.
 bool gather(const ImageView& image, std::span<const Vector2> starts, double reach,
             std::span<const Roi> foreign, Pixels& out) {
   Vector2 low = starts[0], high = starts[0];
@@ -55,46 +55,86 @@ bool gather(const ImageView& image, std::span<const Vector2> starts, double reac
     low = low.cwiseMin(uv);
     high = high.cwiseMax(uv);
   }
+  // Cut before the cast: a start far outside does not fit an int.
+  if (!(low.minCoeff() > reach && high.x() < image.width - reach - 1 &&
+        high.y() < image.height - reach - 1)) {
+    return false;
+  }
   const int u0 = static_cast<int>(std::floor(low.x() - reach));
   const int v0 = static_cast<int>(std::floor(low.y() - reach));
   const int u1 = static_cast<int>(std::ceil(high.x() + reach)) + 1;
   const int v1 = static_cast<int>(std::ceil(high.y() + reach)) + 1;
-  if (u0 < 0 || v0 < 0 || u1 > image.width || v1 > image.height) return false;
-  if (u1 - u0 > kWindowMax || v1 - v0 > kWindowMax) return false;
-  const double reach2 = reach * reach;
+  const auto reach2 = static_cast<float>(reach * reach);
+  std::size_t count = 0;
   for (int v = v0; v < v1; ++v) {
     for (int u = u0; u < u1; ++u) {
-      const auto near = [&](const Vector2& uv) {
-        return (Vector2(u, v) - uv).squaredNorm() <= reach2;
-      };
+      bool near = false;
+      for (const Vector2& uv : starts) {
+        const float du = static_cast<float>(u) - static_cast<float>(uv.x());
+        const float dv = static_cast<float>(v) - static_cast<float>(uv.y());
+        near = near || du * du + dv * dv <= reach2;
+      }
+      if (!near) continue;
       const auto inside = [&](const Roi& box) {
         return u >= box.u0 && u < box.u1 && v >= box.v0 && v < box.v1;
       };
-      if (std::none_of(starts.begin(), starts.end(), near)) continue;
       if (std::any_of(foreign.begin(), foreign.end(), inside)) continue;
-      out.push_back(pixel_at(image, u, v));
+      if (count == kPixelsMax) return false;
+      take(image, u, v, count++, out);
     }
   }
-  return out.size() > 3 * starts.size() + 4;
+  if (count <= 3 * starts.size() + 4) return false;
+  out.count = static_cast<int>(count);
+  for (; count % kLane != 0; ++count) {
+    out.u[count] = out.u[0];
+    out.v[count] = out.v[0];
+    out.light[count] = out.full[count] = out.weight[count] = 0;
+  }
+  out.padded = static_cast<int>(count);
+  return true;
+}
+
+/// exp(x) for x <= 0, to 2e-5; a loop over it needs no library call.
+float exp_of(float x) {
+  const float t = std::max(x * 1.44269504f, -100.f);
+  const int whole = static_cast<int>(t) - 1;  // t <= 0: below t
+  const float f = t - static_cast<float>(whole);
+  // 2^f on [0, 2]: the square of 2^(f/2) by its Taylor series.
+  const float h = 0.34657359f * f;
+  const float root =
+      1 + h * (1 + h * (0.5f + h * (0.16666667f + h * (0.04166667f + h * 0.00833333f))));
+  return root * root * std::bit_cast<float>((whole + 127) << 23);
+}
+
+/// Sum of products over whole lanes, in an order that the machine can keep to.
+float dot(const float* a, const float* b, int n) {
+  float lane[kLane] = {};
+  for (int i = 0; i < n; i += kLane) {
+    for (int k = 0; k < kLane; ++k) lane[k] += a[i + k] * b[i + k];
+  }
+  return (lane[0] + lane[1]) + (lane[2] + lane[3]);
 }
 
 template <int K>
 std::optional<SpotFit> fit(const Pixels& pixels, std::span<const Vector2> starts,
-                           const PointSpread& spread, const Vector2& blur) {
+                           std::span<const double> heights, const PointSpread& spread, const Vector2& blur) {
   constexpr int kBack = 3 * K, kWidth = 3 * K + 1, kN = 3 * K + 2;
   using Vector = Eigen::Matrix<float, kN, 1>;
   using Matrix = Eigen::Matrix<float, kN, kN>;
 
   float dark = 255, bright = 0;
-  for (const Pixel& p : pixels) {
-    dark = std::min(dark, p.light);
-    bright = std::max(bright, p.light);
+  for (int i = 0; i < pixels.count; ++i) {
+    const float light = pixels.light[static_cast<std::size_t>(i)];
+    dark = std::min(dark, light);
+    bright = std::max(bright, light);
   }
   std::array<Vector2, K> uv;
   std::array<float, K> height;
   for (int k = 0; k < K; ++k) {
     uv[static_cast<std::size_t>(k)] = starts[static_cast<std::size_t>(k)];
-    height[static_cast<std::size_t>(k)] = 0.8f * (bright - dark);
+    const auto at = static_cast<std::size_t>(k);
+    const bool known = at < heights.size() && heights[at] > 0;
+    height[at] = known ? static_cast<float>(heights[at]) : 0.8f * (bright - dark);
   }
   float back = dark;
   double width = 1;  // factor on the variance of the point spread
@@ -103,11 +143,10 @@ std::optional<SpotFit> fit(const Pixels& pixels, std::span<const Vector2> starts
   out.count = K;
   Matrix A;
   Vector g;
-  // Rows of whole registers; the last entries stay zero.
-  constexpr int kPadded = (kN + 3) / 4 * 4;
-  alignas(16) float sum[kN][kPadded];
-  alignas(16) float J[kPadded] = {};
-  float pull[kN];
+  // By parameter and pixel: derivative, and that times the weight.
+  alignas(16) float J[kN][kPixelsMax];
+  alignas(16) float r[kPixelsMax], weight[kPixelsMax], wJ[kPixelsMax];
+  const int padded = pixels.padded;
   double cost = 0;
   for (int iteration = 0;; ++iteration) {
     const double s2 = spread.variance_px2 * width;
@@ -118,38 +157,44 @@ std::optional<SpotFit> fit(const Pixels& pixels, std::span<const Vector2> starts
     const auto i_uu = static_cast<float>(c / det), i_vv = static_cast<float>(a / det);
     const auto i_uv = static_cast<float>(-b / det);
     const auto grow = static_cast<float>(s2 / 2);
-    std::fill(&sum[0][0], &sum[0][0] + kN * kPadded, 0.f);
-    std::fill(pull, pull + kN, 0.f);
-    cost = 0;
-    for (const Pixel& p : pixels) {
-      float model = back, by_width = 0;
-      for (int k = 0; k < K; ++k) {
-        const auto n = static_cast<std::size_t>(k);
-        const float du = p.u - static_cast<float>(uv[n].x());
-        const float dv = p.v - static_cast<float>(uv[n].y());
+    float* const by_width = J[kWidth];
+    for (int i = 0; i < padded; ++i) {
+      r[i] = pixels.light[static_cast<std::size_t>(i)] - back;
+      by_width[i] = 0;
+      J[kBack][i] = 1;
+    }
+    for (int k = 0; k < K; ++k) {
+      const auto at = static_cast<std::size_t>(k);
+      const auto u = static_cast<float>(uv[at].x()), v = static_cast<float>(uv[at].y());
+      const float peak = height[at];
+      float* const J_u = J[3 * k];
+      float* const J_v = J[3 * k + 1];
+      float* const J_h = J[3 * k + 2];
+      for (int i = 0; i < padded; ++i) {
+        const float du = pixels.u[static_cast<std::size_t>(i)] - u;
+        const float dv = pixels.v[static_cast<std::size_t>(i)] - v;
         const float e_u = i_uu * du + i_uv * dv, e_v = i_uv * du + i_vv * dv;
-        const float shape = std::exp(-0.5f * (du * e_u + dv * e_v));
-        const float light = height[n] * shape;
-        model += light;
-        J[3 * k] = light * e_u;
-        J[3 * k + 1] = light * e_v;
-        J[3 * k + 2] = shape;
-        by_width += light * grow * (e_u * e_u + e_v * e_v);
-      }
-      J[kBack] = 1;
-      J[kWidth] = by_width;
-      const float r = p.light - model;
-      if (p.full && r < 0) continue;
-      cost += static_cast<double>(p.weight * r * r);
-      for (int i = 0; i < kN; ++i) {
-        const float w = p.weight * J[i];
-        pull[i] += r * w;
-        for (int j = 0; j < kPadded; ++j) sum[i][j] += w * J[j];
+        const float shape = exp_of(-0.5f * (du * e_u + dv * e_v));
+        const float light = peak * shape;
+        r[i] -= light;
+        J_u[i] = light * e_u;
+        J_v[i] = light * e_v;
+        J_h[i] = shape;
+        by_width[i] += light * grow * (e_u * e_u + e_v * e_v);
       }
     }
-    for (int i = 0; i < kN; ++i) {
-      g[i] = pull[i];
-      for (int j = 0; j < kN; ++j) A(i, j) = sum[i][j];
+    for (int i = 0; i < padded; ++i) {
+      const auto at = static_cast<std::size_t>(i);
+      // A full pixel speaks only against a model that is darker.
+      const float counts = r[i] < 0 ? 1 - pixels.full[at] : 1.f;
+      weight[i] = counts * pixels.weight[at];
+      wJ[i] = weight[i] * r[i];
+    }
+    cost = static_cast<double>(dot(wJ, r, padded));
+    for (int p = 0; p < kN; ++p) {
+      for (int i = 0; i < padded; ++i) wJ[i] = weight[i] * J[p][i];
+      g[p] = dot(wJ, r, padded);
+      for (int q = 0; q <= p; ++q) A(p, q) = A(q, p) = dot(wJ, J[q], padded);
     }
     const auto share2 = static_cast<float>(spread.share_sd * spread.share_sd);
     constexpr auto back2 = static_cast<float>(kBackgroundSd * kBackgroundSd);
@@ -158,15 +203,14 @@ std::optional<SpotFit> fit(const Pixels& pixels, std::span<const Vector2> starts
     A(kWidth, kWidth) += 1 / share2;
     g[kWidth] -= static_cast<float>(width - 1) / share2;
     for (int k = 0; k < K; ++k) A(3 * k + 2, 3 * k + 2) += 1e-6f;
-    if (iteration == kIterations) break;
 
     Matrix damped = A;
     constexpr auto start2 = static_cast<float>(kStartSd * kStartSd);
     for (int k = 0; k < K; ++k) {
-      const auto n = static_cast<std::size_t>(k);
+      const auto at = static_cast<std::size_t>(k);
       damped(3 * k, 3 * k) += 1 / start2;
       damped(3 * k + 1, 3 * k + 1) += 1 / start2;
-      const Vector2 off = uv[n] - starts[n];
+      const Vector2 off = uv[at] - starts[at];
       g[3 * k] -= static_cast<float>(off.x()) / start2;
       g[3 * k + 1] -= static_cast<float>(off.y()) / start2;
     }
@@ -185,10 +229,12 @@ std::optional<SpotFit> fit(const Pixels& pixels, std::span<const Vector2> starts
     }
     back += step[kBack];
     width = std::clamp(width + static_cast<double>(step[kWidth]), 0.3, 3.0);
-    if (largest < static_cast<float>(kStepPx)) iteration = kIterations - 1;
+    // What is left after a step this short is far shorter, and A has hardly changed.
+    cost = std::max(cost - static_cast<double>(g.dot(step)), 0.0);
+    if (largest < static_cast<float>(kStepPx) || iteration == kIterations) break;
   }
 
-  const double freedom = std::max(static_cast<double>(pixels.size()) - kN, 1.0);
+  const double freedom = std::max(static_cast<double>(pixels.count - kN), 1.0);
   out.chi2_per_pixel = cost / freedom;
   if (!(out.chi2_per_pixel < kChi2Max)) return std::nullopt;
   for (int k = 0; k < K; ++k) {
@@ -233,6 +279,7 @@ double spot_reach_px(const PointSpread& spread, const Vector2& blur_px) {
 
 std::optional<SpotFit> fit_spots(const ImageView& image,
                                  std::span<const Vector2> starts,
+                                 std::span<const double> heights,
                                  const PointSpread& spread, const Vector2& blur_px,
                                  std::span<const Roi> foreign) {
   if (starts.empty() || starts.size() > kMaxGroup) return std::nullopt;
@@ -242,13 +289,13 @@ std::optional<SpotFit> fit_spots(const ImageView& image,
   }
   switch (starts.size()) {
     case 1:
-      return fit<1>(pixels, starts, spread, blur_px);
+      return fit<1>(pixels, starts, heights, spread, blur_px);
     case 2:
-      return fit<2>(pixels, starts, spread, blur_px);
+      return fit<2>(pixels, starts, heights, spread, blur_px);
     case 3:
-      return fit<3>(pixels, starts, spread, blur_px);
+      return fit<3>(pixels, starts, heights, spread, blur_px);
     default:
-      return fit<4>(pixels, starts, spread, blur_px);
+      return fit<4>(pixels, starts, heights, spread, blur_px);
   }
 }
 

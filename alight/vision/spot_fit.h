@@ -43,8 +43,10 @@ struct SpotFit {
 /// @param foreign Boxes of lights that are none of these; their pixels are left out.
 /// @returns nothing when the lights leave the picture, or what is found is none of the
 ///          expected: too far off, or of another shape.
+/// @param heights  As SpotFit::height where they are expected; 0 or none: unknown.
 std::optional<SpotFit> fit_spots(const ImageView& image,
                                  std::span<const Vector2> starts,
+                                 std::span<const double> heights,
                                  const PointSpread& spread, const Vector2& blur_px,
                                  std::span<const Roi> foreign);
 
