@@ -110,7 +110,7 @@ Result<void> RelativeFilter::predict_to(Time t, const PredictionInput& given) {
   }
   state_ = next;
   P_ = 0.5 * (P + P.transpose());
-  if (config_.led_position_sd_m > 0) {
+  if (knows_led_errors()) {
     Eigen::Matrix<double, 15, 3> column;
     for (int i = 0; i < leds_.size(); ++i) {
       column.noalias() = F * led_bias_.middleCols<3>(3 * i);
@@ -129,6 +129,8 @@ Result<void> RelativeFilter::prepare(const LedFrame& frame,
   const unsigned known = (1u << leds_.size()) - 1;
   const Intrinsics& lens = camera_.intrinsics;
   const double white = config_.led_white_share * config_.led_white_share;
+  const double led_sd = led_sd_m();
+  const double scale = config_.learn_from_residuals ? watch_.noise() : 1;
   int improbable = 0;
   const auto gate = [&](const LedObservation& o) {
     report.refused.push_back({o.uv, Refusal::gated});
@@ -163,12 +165,12 @@ Result<void> RelativeFilter::prepare(const LedFrame& frame,
       if (!ahead) continue;
       const auto at = static_cast<Eigen::Index>(2 * k);
       const int n = std::popcount(o.leds);
-      const Vector2 led_px = config_.led_position_sd_m / z * Vector2(lens.fx, lens.fy);
+      const Vector2 led_px = led_sd / z * Vector2(lens.fx, lens.fy);
       const Vector2 led = led_px.cwiseAbs2() / n;
       const double pixel = config_.pixel_sd_px * config_.pixel_sd_px;
       H.middleRows<2>(at) = H_k;
       innovation.segment<2>(at) = o.uv - *uv;
-      drawn.diagonal().segment<2>(at) = white * led + Vector2::Constant(pixel / n);
+      drawn.diagonal().segment<2>(at) = white * led + Vector2::Constant(scale * pixel / n);
       constant.diagonal().segment<2>(at) = (1 - white) * led;
       MeasuredImage image{.leds = o.leds, .uv = o.uv};
       if (config_.use_depth && o.depth_m > 0 && std::isfinite(o.depth_m)) {
@@ -204,10 +206,10 @@ Result<void> RelativeFilter::prepare(const LedFrame& frame,
     // added to what there is, W = (I^-1 + D)^-1 = I - I (D^-1 + I)^-1 I.
     GroupMatrix noise = drawn;
     if (!grouped) {
-      if (config_.use_observation_cov) noise += seen->cov;
+      if (config_.use_observation_cov) noise += scale * seen->cov;
       m.information = noise.topLeftCorner<2, 2>().inverse();
     } else {
-      const GroupMatrix information = group[-1].information;
+      const GroupMatrix information = group[-1].information / scale;
       GroupMatrix sum = information;
       sum.diagonal() += drawn.diagonal().cwiseInverse();
       const Eigen::LLT<GroupMatrix> llt(sum);
@@ -238,6 +240,7 @@ Result<void> RelativeFilter::prepare(const LedFrame& frame,
       report.seen.push_back({.leds = seen[k].leds,
                              .uv = seen[k].uv,
                              .residual_px = innovation.segment<2>(at),
+                             .variance_px2 = grouped ? 0 : noise.trace() / scale,
                              .nis = grouped ? nis_of(at, 2) : nis});
     }
   }
@@ -272,7 +275,7 @@ Result<UpdateReport> RelativeFilter::update(const LedFrame& frame,
   MotionState next = state_;
   Matrix15 P = P_;
   const auto done = map_update(camera_, leds_, measurements, options, next, P,
-                               config_.led_position_sd_m > 0 ? &led_bias_ : nullptr);
+                               knows_led_errors() ? &led_bias_ : nullptr);
   if (!done) return fail(done.error());
   state_ = next;
   P_ = P;
@@ -287,8 +290,27 @@ Result<UpdateReport> RelativeFilter::update(const LedFrame& frame,
     sum += o.residual_px.squaredNorm();
   }
   report.reprojection_px = std::sqrt(sum / report.used);
+  if (config_.learn_from_residuals) watch_residuals();
   learn_velocity();
   return report;
+}
+
+void RelativeFilter::watch_residuals() {
+  FixedVector<ResidualWatch::Residual, kMaxLeds> residuals;
+  const Pose X_NB = state_.x.X_NB();
+  for (const ObservationReport& o : report_.seen) {
+    if (!std::has_single_bit(o.leds) || o.variance_px2 <= 0) continue;
+    const double z = predicted_depth(camera_, X_NB, leds_, o.leds);
+    residuals.push_back({.led = std::countr_zero(o.leds),
+                         .px = o.residual_px,
+                         .m_per_px = z / camera_.intrinsics.fx,
+                         .variance_px2 = o.variance_px2});
+  }
+  watch_.add({residuals.data(), residuals.size()});
+}
+
+double RelativeFilter::led_sd_m() const {
+  return config_.learn_from_residuals ? watch_.led_sd_m() : config_.led_position_sd_m;
 }
 
 void RelativeFilter::learn_velocity() {
@@ -303,7 +325,7 @@ void RelativeFilter::learn_velocity() {
 
 Covariance9 RelativeFilter::covariance() const {
   Covariance9 total = tracking_covariance();
-  const double led = config_.led_position_sd_m;
+  const double led = led_sd_m();
   if (led > 0) {
     const auto B = led_bias_.topRows<9>();
     total.noalias() += led * led * B.lazyProduct(B.transpose());

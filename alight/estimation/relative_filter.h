@@ -6,6 +6,7 @@
 #include "alight/estimation/map_update.h"
 #include "alight/estimation/motion_model.h"
 #include "alight/estimation/relative_filter_config.h"
+#include "alight/estimation/residual_watch.h"
 #include "alight/estimation/update_report.h"
 #include "alight/geometry/rig.h"
 
@@ -95,6 +96,11 @@ class RelativeFilter {
   Result<void> prepare(const LedFrame& frame, PictureMeasurements& measurements,
                        UpdateReport& report) const;
   void learn_velocity();
+  void watch_residuals();
+  double led_sd_m() const;
+  bool knows_led_errors() const {
+    return config_.led_position_sd_m > 0 || config_.learn_from_residuals;
+  }
 
   RelativeFilterConfig config_;
   Camera camera_;
@@ -108,6 +114,7 @@ class RelativeFilter {
   // First-order error of the state by the constant displacement of each LED (3 columns
   // each), carried along as the filter carries errors (Schmidt 1966, consider states).
   LedBias led_bias_;
+  ResidualWatch watch_;
 
   // The paper's velocity measurement.
   int updates_ = 0;  // since reset

@@ -83,8 +83,11 @@ RelativeFilterConfig RelativeFilterConfig::paper() {
 RelativeFilterConfig RelativeFilterConfig::camera_only() {
   RelativeFilterConfig c;
   c.model = ProcessModel::hover;
-  c.led_white_share = 1;
-  c.noise = {.rate = 0.6, .acceleration = 0.6, .disturbance = 1.4, .bias = 1.4};
+  c.noise = {.rate = 0.3, .acceleration = 0.3, .disturbance = 1.4, .bias = 1.4};
+  c.pixel_sd_px = 0.02;
+  // The pose against the camera: where that stands, its pictures do not tell.
+  c = c.with_perfect_rig();
+  c.learn_from_residuals = true;
   return c;
 }
 

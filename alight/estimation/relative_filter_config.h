@@ -31,6 +31,10 @@ struct RelativeFilterConfig {
   double pixel_sd_px = 0.1;          ///< Floor: lens, blob model.
   double led_position_sd_m = 0.002;  ///< Of each coordinate of each LED, constant.
   double led_white_share = 0.65;     ///< Of led_position_sd_m, in R.
+  /// led_position_sd_m and the scale of the pixels' noise are learnt instead
+  /// (ResidualWatch), from nothing: a rig is taken for exact until pictures tell
+  /// otherwise.
+  bool learn_from_residuals = false;
   bool use_depth = false;
   double depth_sd_m = 0.01;      ///< Together with
   double depth_sd_share = 0.02;  ///< this share of the depth.

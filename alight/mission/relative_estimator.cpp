@@ -263,6 +263,7 @@ void RelativeEstimator::search(const CameraFrame& frame, FrameReport& out,
     out.why_not = "not yet sure that it is the drone on the floor";
     return;
   }
+  if (config_.tell_apart) place_by_pixels(frame, *blobs, *found);
   RelativeState x;
   x.p_NB = found->fit.X_NB.translation();
   x.R_NB = found->fit.X_NB.linear();
@@ -285,6 +286,25 @@ void RelativeEstimator::search(const CameraFrame& frame, FrameReport& out,
   out.tracked = true;
   out.initialized = true;
   out.why_not = "";
+}
+
+void RelativeEstimator::place_by_pixels(const CameraFrame& frame, BlobSpan blobs,
+                                        FoundLeds& found) {
+  TrackDetail detail;
+  LedFrame leds = tracker_.track(blobs, found.fit.X_NB, 4 * found.fit.cov,
+                                 frame.captured, &detail);
+  if (leds.led_count() < found.frame.led_count()) return;
+  FixedVector<Vector2, kMaxLeds> still;  // its speed is not known yet
+  for (int i = 0; i < leds_.size(); ++i) still.push_back(Vector2::Zero());
+  resolver_.resolve(frame.color, blobs, detail, {still.data(), still.size()}, leds);
+  const auto fit = refine_pose(camera_, leds_, {leds.seen.data(), leds.seen.size()},
+                               found.fit.X_NB, nullptr, 10);
+  if (!fit || !near(fit->X_NB, found.fit.X_NB, config_.placed_within_m,
+                    config_.placed_within_deg * kDegree)) {
+    return;
+  }
+  found.frame = leds;
+  found.fit = *fit;
 }
 
 bool RelativeEstimator::believable(const FoundLeds& found, Time t) {

@@ -15,6 +15,8 @@ struct RelativeEstimatorConfig {
   LedTrackerConfig tracker;
   bool tell_apart = true;  ///< Place LEDs by their pixels, not by their blob's centre.
   LedResolverConfig resolver;
+  double placed_within_m = 0.15;   ///< Pixels may move a found pose this far
+  double placed_within_deg = 12;   ///< and turn it this much.
   double direct_gate_px = 2.5;  ///< LEDs this near to where they are expected are
                                 ///< followed without looking further.
   RelativeFilterConfig filter;
@@ -111,6 +113,8 @@ class RelativeEstimator {
                     BlobDetector detector, LedFinder finder, LedTracker tracker,
                     LedResolver resolver, RelativeFilter filter);
   void search(const CameraFrame& frame, FrameReport& out, Probe* probe);
+  /// A pose found from blobs, made as exact as the pixels allow.
+  void place_by_pixels(const CameraFrame& frame, BlobSpan blobs, FoundLeds& found);
   bool believable(const FoundLeds& found, Time t);
   bool believable_on_floor(const FoundLeds& found);
   bool confirmed(const Pose& X_NB);

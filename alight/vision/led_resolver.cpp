@@ -17,6 +17,7 @@ constexpr double kForeignReach = 40;  // px
 constexpr double kDimLeast = 12;      // grey levels of an LED that has no blob
 constexpr double kGoodChi2 = 3;       // per pixel; a worse fit is tried again
 constexpr double kStrangerReach = 15;  // px around the constellation
+constexpr double kNoiseLeast = 0.1, kNoiseMost = 4;  // of chi2 per pixel
 constexpr double kSpreadLeast = 0.3, kSpreadMost = 9;  // px^2
 
 /// Takes the LEDs for which `keep` is false out of the information, the rest being
@@ -88,6 +89,10 @@ void LedResolver::learn(const Patch& patch) {
   for (std::size_t k = 0; k < patch.members.size(); ++k) {
     heights_[static_cast<std::size_t>(patch.members[k])] = fit.height[k];
   }
+  // How large residuals are that this camera leaves: its noise, and what the model of
+  // a light lacks.
+  noise_ += (std::clamp(fit.chi2_per_pixel, kNoiseLeast, kNoiseMost) - noise_) /
+            std::min(known_ + 1, config_.spread_memory);
   if (!(fit.variance_information > 0)) return;
   const double own = 1 / fit.variance_information;  // variance of what it found
   const double share = config_.spread_share * spread_.variance_px2;
@@ -114,7 +119,9 @@ void LedResolver::add(const Patch& patch, BlobSpan blobs, const Assignment& matc
     return GroupMatrix(
         llt.solve(GroupMatrix::Identity(information.rows(), information.cols())));
   };
-  const GroupMatrix cov_all = marginals(fit.information);
+  const GroupMatrix measured =
+      fit.information / std::max({fit.chi2_per_pixel, noise_, kNoiseLeast});
+  const GroupMatrix cov_all = marginals(measured);
   FixedVector<int, kMaxGroup> keep;
   for (int k = 0; k < fit.count; ++k) {
     const double variance = cov_all(2 * k, 2 * k) + cov_all(2 * k + 1, 2 * k + 1);
@@ -124,7 +131,7 @@ void LedResolver::add(const Patch& patch, BlobSpan blobs, const Assignment& matc
     }
   }
   if (keep.empty()) return;
-  GroupMatrix information = marginal(fit.information, {keep.data(), keep.size()});
+  GroupMatrix information = marginal(measured, {keep.data(), keep.size()});
   const GroupMatrix cov = keep.size() == static_cast<std::size_t>(n / 2)
                               ? cov_all
                               : marginals(information);

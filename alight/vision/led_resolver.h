@@ -77,6 +77,7 @@ class LedResolver {
   PointSpread spread_;
   std::array<double, kMaxLeds> heights_{};  // grey levels; 0: not known
   std::uint16_t lit_ = 0;  // LEDs seen the last time
+  double noise_ = 1;         // chi2 per pixel to be expected
   double known_ = 0;  // patches learnt from, at most spread_memory
 };
 

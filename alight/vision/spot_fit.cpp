@@ -246,8 +246,7 @@ std::optional<SpotFit> fit(const Pixels& pixels, std::span<const Vector2> starts
 
   // What the pixels say of the places, everything else unknown.
   const Eigen::Matrix<double, kN, kN> H =
-      A.template cast<double>() /
-      std::max(out.chi2_per_pixel, 1.0);
+      A.template cast<double>();
   Eigen::Matrix<double, 2 * K, 2 * K> H_pp;
   Eigen::Matrix<double, 2 * K, K + 2> H_pn;
   Eigen::Matrix<double, K + 2, K + 2> H_nn;

@@ -24,7 +24,8 @@ struct SpotFit {
   std::array<Vector2, kMaxGroup> uv;        ///< px
   std::array<double, kMaxGroup> height{};   ///< Of each light's peak, grey levels.
   GroupMatrix information;                  ///< px^-2, of all uv together; what the
-                                            ///< pixels do not decide has none.
+                                            ///< pixels do not decide has none. For
+                                            ///< noise of chi2_per_pixel 1.
   double variance_px2 = 0;                  ///< Of the point spread, as found here,
   double variance_information = 0;          ///< and the information on it.
   double chi2_per_pixel = 0;                ///< About 1 where the model holds.

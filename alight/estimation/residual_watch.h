@@ -1,0 +1,44 @@
+#pragma once
+#include <array>
+#include <span>
+
+#include "alight/geometry/rig.h"
+
+namespace alight {
+
+/// Learns from what a fitted pose leaves of LED images how exact rig and picture are:
+/// what stays from picture to picture is an error of the LEDs' positions, what changes
+/// is noise. No allocation.
+class ResidualWatch {
+ public:
+  ResidualWatch() { mean_m_.fill(Vector2::Zero()); }
+
+  /// One image of a single LED.
+  struct Residual {
+    int led = 0;
+    Vector2 px = Vector2::Zero();
+    double m_per_px = 0;      ///< At the LED: its depth over the focal length.
+    double variance_px2 = 0;  ///< Of both coordinates together, as claimed.
+  };
+
+  /// The residuals of a picture at its fitted pose. Fewer than four LEDs say nothing.
+  void add(std::span<const Residual> residuals);
+
+  /// Standard deviation of each coordinate of each LED's position, m.
+  double led_sd_m() const;
+  /// Factor on the claimed variances; at least `kLeast`.
+  double noise() const { return noise_; }
+
+  static constexpr double kLeast = 0.5, kMost = 100;
+
+ private:
+  static constexpr double kMemory = 60;  // pictures
+
+  std::array<Vector2, kMaxLeds> mean_m_;  // of each LED's residual
+  std::array<double, kMaxLeds> seen_{};
+  double noise_ = 1;
+  double pictures_ = 0;
+  double constant_m2_ = 0;
+};
+
+}  // namespace alight
