@@ -356,10 +356,7 @@ std::optional<LedFrame> LedResolver::follow(const ImageView& image, BlobSpan blo
   }
   std::uint16_t lit = 0;
   for (const LedObservation& o : out.seen) lit = static_cast<std::uint16_t>(lit | o.leds);
-  // A dim one may come and go.
-  if (out.seen.size() < 4 || std::popcount(static_cast<unsigned>(lit_ & ~lit)) > 1) {
-    return std::nullopt;
-  }
+  if (out.seen.size() < 4 || (lit_ & ~lit) != 0) return std::nullopt;
   const double around = images.size_px + kStrangerReach;
   for (std::size_t j = 0; j < blobs.size(); ++j) {
     if (std::find(match.blob.begin(), match.blob.end(), static_cast<int>(j)) !=
@@ -373,7 +370,7 @@ std::optional<LedFrame> LedResolver::follow(const ImageView& image, BlobSpan blo
     }
     out.refused.push_back({blobs[j].uv, Refusal::no_led_near});
   }
-  lit_ = static_cast<std::uint16_t>(lit);
+  lit_ = lit;
   for (const Patch& patch : patches) learn(patch);
   return out;
 }

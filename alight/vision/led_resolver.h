@@ -43,7 +43,7 @@ class LedResolver {
   /// Colours that speak against an LED are heeded.
   ///
   /// @returns nothing when the picture shows light nearby that no LED accounts for, or
-  ///          two LEDs less than the last time: somebody else has to look.
+  ///          an LED less than the last time: somebody else has to look.
   std::optional<LedFrame> follow(const ImageView& image, BlobSpan blobs,
                                  const Pose& X_NB_predicted, double gate_px,
                                  std::span<const Vector2> blur_px, Time t);
