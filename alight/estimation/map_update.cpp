@@ -53,8 +53,8 @@ bool add(const Camera& camera, const Constellation& leds, const PictureMeasureme
   out.b.noalias() += HtW * r;
   for (int k = 0; k < K; ++k) {
     const MeasuredImage& image = m.images[static_cast<std::size_t>(k)];
-    pull[k].noalias() = HtW.template middleCols<2>(2 * k) *
-                        H.template block<2, 3>(2 * k, 0);
+    pull[k].noalias() =
+        HtW.template middleCols<2>(2 * k) * H.template block<2, 3>(2 * k, 0);
     if (!(image.depth_variance > 0)) continue;
     Eigen::Matrix<double, 1, 6> H_z;
     const double r_z =

@@ -17,7 +17,8 @@ struct MeasuredImage {
   double depth_variance = 0;  ///< m^2; 0: no depth
 };
 
-/// Images with their common noise, ready for the update: one, or those of a OverlappingLeds.
+/// Images with their common noise, ready for the update: one, or those of a
+/// OverlappingLeds.
 struct PictureMeasurement {
   FixedVector<MeasuredImage, kMaxGroup> images;
   /// px^-2, of what is drawn anew in each picture; need not be of full rank.

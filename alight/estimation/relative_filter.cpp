@@ -13,7 +13,7 @@ constexpr Seconds kFrame = 1.0 / 60;  // what variance_per_frame counts by
 constexpr Time kLongest = 60'000'000'000;
 constexpr double kOpen = 1e-2;         // px^-2, of a direction that is left open
 constexpr double kGatePerImage = 4.3;  // keeps a gate's share for 2 more dimensions
-constexpr double kLost = 100;  // m, standard deviation; nothing is known beyond
+constexpr double kLost = 100;          // m, standard deviation; nothing is known beyond
 
 bool finite(const PlatformState& p) {
   return p.X_IN.matrix().allFinite() && p.w_IN_N.allFinite() && p.a_IN_N.allFinite() &&
@@ -170,7 +170,8 @@ Result<void> RelativeFilter::prepare(const LedFrame& frame,
       const double pixel = config_.pixel_sd_px * config_.pixel_sd_px;
       H.middleRows<2>(at) = H_k;
       innovation.segment<2>(at) = o.uv - *uv;
-      drawn.diagonal().segment<2>(at) = white * led + Vector2::Constant(scale * pixel / n);
+      drawn.diagonal().segment<2>(at) =
+          white * led + Vector2::Constant(scale * pixel / n);
       constant.diagonal().segment<2>(at) = (1 - white) * led;
       MeasuredImage image{.leds = o.leds, .uv = o.uv};
       if (config_.use_depth && o.depth_m > 0 && std::isfinite(o.depth_m)) {

@@ -19,8 +19,8 @@ void ResidualWatch::add(std::span<const Residual> residuals) {
     const Vector2 off_m = d_m - mean_m_[i];
     if (seen_[i] > 1) {
       const double fresh = 1 - 1 / seen_[i];
-      changing += fresh * off_m.squaredNorm() / (r.m_per_px * r.m_per_px) /
-                  r.variance_px2;
+      changing +=
+          fresh * off_m.squaredNorm() / (r.m_per_px * r.m_per_px) / r.variance_px2;
     } else {
       changing += 1 / share;
     }
@@ -32,7 +32,8 @@ void ResidualWatch::add(std::span<const Residual> residuals) {
   pictures_ = std::min(pictures_ + 1, kMemory);
   const double ratio = std::clamp(share * changing / n, kLeast / 2, kMost);
   noise_ = std::clamp(noise_ + (ratio - noise_) / (pictures_ + 4), kLeast, kMost);
-  constant_m2_ += (std::max(share * constant / (2 * n), 0.0) - constant_m2_) / pictures_;
+  constant_m2_ +=
+      (std::max(share * constant / (2 * n), 0.0) - constant_m2_) / pictures_;
 }
 
 double ResidualWatch::led_sd_m() const { return std::sqrt(constant_m2_); }

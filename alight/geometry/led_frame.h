@@ -12,9 +12,8 @@ inline constexpr int kMaxRefused = 32;
 inline constexpr int kMaxGroup = 4;  ///< Lights told apart within one patch.
 
 /// Information on the images of up to kMaxGroup LEDs together, px^-2; 2 n x 2 n.
-using GroupMatrix =
-    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 2 * kMaxGroup,
-                  2 * kMaxGroup>;
+using GroupMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0,
+                                  2 * kMaxGroup, 2 * kMaxGroup>;
 
 enum class LedColor : std::uint8_t { none, red, green, blue, white };
 const char* to_string(LedColor color);

@@ -291,8 +291,8 @@ void RelativeEstimator::search(const CameraFrame& frame, FrameReport& out,
 void RelativeEstimator::place_by_pixels(const CameraFrame& frame, BlobSpan blobs,
                                         FoundLeds& found) {
   TrackDetail detail;
-  LedFrame leds = tracker_.track(blobs, found.fit.X_NB, 4 * found.fit.cov,
-                                 frame.captured, &detail);
+  LedFrame leds =
+      tracker_.track(blobs, found.fit.X_NB, 4 * found.fit.cov, frame.captured, &detail);
   if (leds.led_count() < found.frame.led_count()) return;
   FixedVector<Vector2, kMaxLeds> still;  // its speed is not known yet
   for (int i = 0; i < leds_.size(); ++i) still.push_back(Vector2::Zero());

@@ -15,10 +15,10 @@ struct RelativeEstimatorConfig {
   LedTrackerConfig tracker;
   bool tell_apart = true;  ///< Place LEDs by their pixels, not by their blob's centre.
   LedResolverConfig resolver;
-  double placed_within_m = 0.15;   ///< Pixels may move a found pose this far
-  double placed_within_deg = 12;   ///< and turn it this much.
-  double direct_gate_px = 2.5;  ///< LEDs this near to where they are expected are
-                                ///< followed without looking further.
+  double placed_within_m = 0.15;  ///< Pixels may move a found pose this far
+  double placed_within_deg = 12;  ///< and turn it this much.
+  double direct_gate_px = 2.5;    ///< LEDs this near to where they are expected are
+                                  ///< followed without looking further.
   RelativeFilterConfig filter;
   RestCalibrationConfig rest;
   bool calibrate_at_rest = true;   ///< Before take-off from the pad.

@@ -11,13 +11,13 @@
 namespace alight {
 namespace {
 
-constexpr double kDark = 0.08;        // share of the brightest that is no light
-constexpr double kVagueSd = 3;        // px; an LED less well placed is not seen
-constexpr double kForeignReach = 40;  // px
-constexpr double kDimLeast = 12;      // grey levels of an LED that has no blob
-constexpr double kGoodChi2 = 3;       // per pixel; a worse fit is tried again
+constexpr double kDark = 0.08;         // share of the brightest that is no light
+constexpr double kVagueSd = 3;         // px; an LED less well placed is not seen
+constexpr double kForeignReach = 40;   // px
+constexpr double kDimLeast = 12;       // grey levels of an LED that has no blob
+constexpr double kGoodChi2 = 3;        // per pixel; a worse fit is tried again
 constexpr double kStrangerReach = 15;  // px around the constellation
-constexpr double kNoiseLeast = 0.1, kNoiseMost = 4;  // of chi2 per pixel
+constexpr double kNoiseLeast = 0.1, kNoiseMost = 4;    // of chi2 per pixel
 constexpr double kSpreadLeast = 0.3, kSpreadMost = 9;  // px^2
 
 /// Takes the LEDs for which `keep` is false out of the information, the rest being
@@ -132,9 +132,8 @@ void LedResolver::add(const Patch& patch, BlobSpan blobs, const Assignment& matc
   }
   if (keep.empty()) return;
   GroupMatrix information = marginal(measured, {keep.data(), keep.size()});
-  const GroupMatrix cov = keep.size() == static_cast<std::size_t>(n / 2)
-                              ? cov_all
-                              : marginals(information);
+  const GroupMatrix cov =
+      keep.size() == static_cast<std::size_t>(n / 2) ? cov_all : marginals(information);
   OverlappingLeds group;
   group.first = static_cast<int>(out.seen.size());
   group.count = static_cast<int>(keep.size());
@@ -181,9 +180,9 @@ void LedResolver::fit(const ImageView& image, BlobSpan blobs, const Assignment& 
                                 static_cast<int>(j)) != match.blob.end();
     if (!used) foreign.push_back(blobs[j].box);
   }
-  auto found = fit_spots(image, {starts.data(), starts.size()},
-                         {heights.data(), heights.size()}, spread_, blur,
-                         {foreign.data(), foreign.size()});
+  auto found =
+      fit_spots(image, {starts.data(), starts.size()}, {heights.data(), heights.size()},
+                spread_, blur, {foreign.data(), foreign.size()});
   if (!found) return;
   if (patch.area_px == 0 &&
       (found->height[0] < kDimLeast ||
@@ -262,9 +261,8 @@ void LedResolver::resolve(const ImageView& image, BlobSpan blobs,
   };
   LedFrame out = collect();
   if (!all && out.seen.size() >= 2) {
-    const auto pose =
-        refine_pose(camera_, leds_, {out.seen.data(), out.seen.size()},
-                    detail.X_NB_predicted, &detail.prior_information, 6);
+    const auto pose = refine_pose(camera_, leds_, {out.seen.data(), out.seen.size()},
+                                  detail.X_NB_predicted, &detail.prior_information, 6);
     if (pose) {
       const LedImages again = led_images(camera_, leds_, pose->X_NB);
       for (Patch& patch : patches) {
@@ -355,7 +353,8 @@ std::optional<LedFrame> LedResolver::follow(const ImageView& image, BlobSpan blo
     out.seen.push_back(o);
   }
   std::uint16_t lit = 0;
-  for (const LedObservation& o : out.seen) lit = static_cast<std::uint16_t>(lit | o.leds);
+  for (const LedObservation& o : out.seen)
+    lit = static_cast<std::uint16_t>(lit | o.leds);
   if (out.seen.size() < 4 || (lit_ & ~lit) != 0) return std::nullopt;
   const double around = images.size_px + kStrangerReach;
   for (std::size_t j = 0; j < blobs.size(); ++j) {

@@ -19,9 +19,9 @@ struct LedResolverConfig {
 };
 
 /// Says where LEDs are that the tracker has told apart, from the pixels: lights that
-/// run together are separated, small ones are placed better than by their centroid above
-/// the threshold, and ones too dim for it are found where the others say they must be.
-/// The camera's point spread is learnt on the way.
+/// run together are separated, small ones are placed better than by their centroid
+/// above the threshold, and ones too dim for it are found where the others say they
+/// must be. The camera's point spread is learnt on the way.
 ///
 /// No allocation after construction.
 class LedResolver {
@@ -76,8 +76,8 @@ class LedResolver {
   Constellation leds_;
   PointSpread spread_;
   std::array<double, kMaxLeds> heights_{};  // grey levels; 0: not known
-  std::uint16_t lit_ = 0;  // LEDs seen the last time
-  double noise_ = 1;         // chi2 per pixel to be expected
+  std::uint16_t lit_ = 0;                   // LEDs seen the last time
+  double noise_ = 1;                        // chi2 per pixel to be expected
   double known_ = 0;  // patches learnt from, at most spread_memory
 };
 

@@ -11,7 +11,7 @@ namespace {
 
 constexpr double kReach = 2.6;        // standard deviations around a light
 constexpr int kCensored = 240;        // grey level from which a pixel is full
-constexpr float kReadVariance = 6;   // of a pixel's luminance, grey levels^2
+constexpr float kReadVariance = 6;    // of a pixel's luminance, grey levels^2
 constexpr float kShot = 0.15f;        // variance per grey level
 constexpr float kMismatch = 0.04f;    // of the model, share of the light
 constexpr double kBackgroundSd = 15;  // grey levels
@@ -102,7 +102,8 @@ float exp_of(float x) {
   // 2^f on [0, 2]: the square of 2^(f/2) by its Taylor series.
   const float h = 0.34657359f * f;
   const float root =
-      1 + h * (1 + h * (0.5f + h * (0.16666667f + h * (0.04166667f + h * 0.00833333f))));
+      1 +
+      h * (1 + h * (0.5f + h * (0.16666667f + h * (0.04166667f + h * 0.00833333f))));
   return root * root * std::bit_cast<float>((whole + 127) << 23);
 }
 
@@ -117,7 +118,8 @@ float dot(const float* a, const float* b, int n) {
 
 template <int K>
 std::optional<SpotFit> fit(const Pixels& pixels, std::span<const Vector2> starts,
-                           std::span<const double> heights, const PointSpread& spread, const Vector2& blur) {
+                           std::span<const double> heights, const PointSpread& spread,
+                           const Vector2& blur) {
   constexpr int kBack = 3 * K, kWidth = 3 * K + 1, kN = 3 * K + 2;
   using Vector = Eigen::Matrix<float, kN, 1>;
   using Matrix = Eigen::Matrix<float, kN, kN>;
@@ -245,8 +247,7 @@ std::optional<SpotFit> fit(const Pixels& pixels, std::span<const Vector2> starts
   }
 
   // What the pixels say of the places, everything else unknown.
-  const Eigen::Matrix<double, kN, kN> H =
-      A.template cast<double>();
+  const Eigen::Matrix<double, kN, kN> H = A.template cast<double>();
   Eigen::Matrix<double, 2 * K, 2 * K> H_pp;
   Eigen::Matrix<double, 2 * K, K + 2> H_pn;
   Eigen::Matrix<double, K + 2, K + 2> H_nn;

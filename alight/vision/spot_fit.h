@@ -21,14 +21,14 @@ double spot_reach_px(const PointSpread& spread, const Vector2& blur_px);
 /// The lights of one patch of a picture, told apart.
 struct SpotFit {
   int count = 0;
-  std::array<Vector2, kMaxGroup> uv;        ///< px
-  std::array<double, kMaxGroup> height{};   ///< Of each light's peak, grey levels.
-  GroupMatrix information;                  ///< px^-2, of all uv together; what the
-                                            ///< pixels do not decide has none. For
-                                            ///< noise of chi2_per_pixel 1.
-  double variance_px2 = 0;                  ///< Of the point spread, as found here,
-  double variance_information = 0;          ///< and the information on it.
-  double chi2_per_pixel = 0;                ///< About 1 where the model holds.
+  std::array<Vector2, kMaxGroup> uv;       ///< px
+  std::array<double, kMaxGroup> height{};  ///< Of each light's peak, grey levels.
+  GroupMatrix information;                 ///< px^-2, of all uv together; what the
+                                           ///< pixels do not decide has none. For
+                                           ///< noise of chi2_per_pixel 1.
+  double variance_px2 = 0;                 ///< Of the point spread, as found here,
+  double variance_information = 0;         ///< and the information on it.
+  double chi2_per_pixel = 0;               ///< About 1 where the model holds.
 };
 
 /// Finds where `starts.size()` lights stand whose images overlap, from the pixels

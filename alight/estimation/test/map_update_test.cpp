@@ -7,11 +7,16 @@
 namespace alight::test {
 namespace {
 
+PictureMeasurement measured(const LedObservation& o) {
+  PictureMeasurement m;
+  m.images.push_back({.leds = o.leds, .uv = o.uv});
+  m.information = o.cov.inverse();
+  return m;
+}
+
 PictureMeasurements measurements_of(const LedFrame& frame) {
   PictureMeasurements out;
-  for (const auto& o : frame.seen) {
-    out.push_back({.leds = o.leds, .uv = o.uv, .cov = o.cov});
-  }
+  for (const auto& o : frame.seen) out.push_back(measured(o));
   return out;
 }
 
@@ -47,14 +52,19 @@ struct Case {
     const Vector15 e = boxminus(s, prior);
     double sum = e.dot(P.llt().solve(e));
     for (const auto& m : measurements) {
-      const Vector2 r =
-          m.uv - *project_observation(rig.camera, s.x.X_NB(), rig.leds, m.leds);
-      sum += r.dot(m.cov.inverse() * r);
-      if (m.depth_variance > 0) {
-        const double r_z =
-            m.depth_m - predicted_depth(rig.camera, s.x.X_NB(), rig.leds, m.leds);
-        sum += r_z * r_z / m.depth_variance;
+      Eigen::VectorXd r(2 * static_cast<Eigen::Index>(m.images.size()));
+      Eigen::Index at = 0;
+      for (const MeasuredImage& image : m.images) {
+        r.segment<2>(at) = image.uv - *project_observation(rig.camera, s.x.X_NB(),
+                                                           rig.leds, image.leds);
+        at += 2;
+        if (image.depth_variance > 0) {
+          const double r_z = image.depth_m - predicted_depth(rig.camera, s.x.X_NB(),
+                                                             rig.leds, image.leds);
+          sum += r_z * r_z / image.depth_variance;
+        }
       }
+      sum += r.dot(m.information * r);
     }
     if (options.velocity_variance > 0) {
       sum += (s.x.v_NB - options.v_NB).squaredNorm() / options.velocity_variance;
@@ -69,8 +79,10 @@ TEST(MapUpdate, FindsTheMinimumOfTheWholeCost) {
     for (std::uint64_t seed = 0; seed < 30; ++seed) {
       Case c(seed);
       for (auto& m : c.measurements) {
-        m.depth_m = predicted_depth(c.rig.camera, c.truth.x.X_NB(), c.rig.leds, m.leds);
-        m.depth_variance = 1e-3;
+        MeasuredImage& image = m.images[0];
+        image.depth_m =
+            predicted_depth(c.rig.camera, c.truth.x.X_NB(), c.rig.leds, image.leds);
+        image.depth_variance = 1e-3;
       }
       const MapUpdateOptions options{.max_iterations = 50,
                                      .tolerance = 1e-10,
@@ -111,8 +123,9 @@ TEST(MapUpdate, CovarianceIsTheInverseInformation) {
     Matrix15 A = J.transpose() * c.P.inverse() * J;
     for (const auto& m : c.measurements) {
       Matrix26 H;
-      (void)project_observation(c.rig.camera, s.x.X_NB(), c.rig.leds, m.leds, &H);
-      A.topLeftCorner<6, 6>() += H.transpose() * m.cov.inverse() * H;
+      (void)project_observation(c.rig.camera, s.x.X_NB(), c.rig.leds, m.images[0].leds,
+                                &H);
+      A.topLeftCorner<6, 6>() += H.transpose() * m.information * H;
     }
     EXPECT_LT((P * A - Matrix15::Identity()).norm(), 1e-6);
     EXPECT_EQ(P, P.transpose());
@@ -134,7 +147,9 @@ TEST(MapUpdate, LedBiasAgreesWithDifferences) {
   // Without residuals, for Gauss-Newton leaves out their curvature.
   c.truth = c.prior;
   for (auto& m : c.measurements) {
-    m.uv = *project_observation(c.rig.camera, c.truth.x.X_NB(), c.rig.leds, m.leds);
+    MeasuredImage& image = m.images[0];
+    image.uv =
+        *project_observation(c.rig.camera, c.truth.x.X_NB(), c.rig.leds, image.leds);
   }
   const MapUpdateOptions options{.max_iterations = 50, .tolerance = 1e-12};
   LedBias bias;
@@ -153,7 +168,7 @@ TEST(MapUpdate, LedBiasAgreesWithDifferences) {
           *project_led(c.rig.camera, s.x.X_NB(), p_BL + h * Vector3::Unit(axis)) -
           *project_led(c.rig.camera, s.x.X_NB(), p_BL);
       for (auto& m : measurements) {
-        if (m.leds == (1u << k)) m.uv += shift;
+        if (m.images[0].leds == (1u << k)) m.images[0].uv += shift;
       }
       MotionState moved = c.prior;
       Matrix15 P_moved = c.P;
@@ -170,12 +185,12 @@ TEST(MapUpdate, LedBiasAgreesWithDifferences) {
 TEST(MapUpdate, MergedLedsMeasureTheirMean) {
   Case c(5);
   PictureMeasurements merged;
-  merged.push_back(
+  merged.push_back(measured(
       {.leds = 0b000110,
        .uv = *project_observation(c.rig.camera, c.truth.x.X_NB(), c.rig.leds, 0b000110),
-       .cov = 0.01 * Matrix2::Identity()});
+       .cov = 0.01 * Matrix2::Identity()}));
   for (const auto& m : c.measurements) {
-    if ((m.leds & 0b000110) == 0) merged.push_back(m);
+    if ((m.images[0].leds & 0b000110) == 0) merged.push_back(m);
   }
   MotionState s = c.prior;
   Matrix15 P = c.P;
@@ -183,6 +198,61 @@ TEST(MapUpdate, MergedLedsMeasureTheirMean) {
       map_update(c.rig.camera, c.rig.leds, merged, {}, s, P, nullptr).has_value());
   EXPECT_LT(boxminus(s.x, c.truth.x).head<3>().norm(),
             boxminus(c.prior.x, c.truth.x).head<3>().norm());
+}
+
+PictureMeasurement together(const PictureMeasurements& singles, std::size_t first,
+                            std::size_t count) {
+  PictureMeasurement group;
+  const auto rows = static_cast<Eigen::Index>(2 * count);
+  group.information = GroupMatrix::Zero(rows, rows);
+  for (std::size_t k = 0; k < count; ++k) {
+    const auto at = static_cast<Eigen::Index>(2 * k);
+    group.images.push_back(singles[first + k].images[0]);
+    group.information.block<2, 2>(at, at) = singles[first + k].information;
+  }
+  return group;
+}
+
+TEST(MapUpdate, ImagesMeasuredTogetherButUnrelatedAreTheSameAsOneByOne) {
+  const Case c(7);
+  ASSERT_EQ(c.measurements.size(), 6u);
+  MotionState one = c.prior;
+  Matrix15 P_one = c.P;
+  LedBias bias_one = LedBias::Zero(15, 18);
+  ASSERT_TRUE(
+      map_update(c.rig.camera, c.rig.leds, c.measurements, {}, one, P_one, &bias_one));
+  for (std::size_t count = 2; count <= kMaxGroup; ++count) {
+    PictureMeasurements grouped;
+    grouped.push_back(together(c.measurements, 0, count));
+    for (std::size_t i = count; i < 6; ++i) grouped.push_back(c.measurements[i]);
+    MotionState s = c.prior;
+    Matrix15 P = c.P;
+    LedBias bias = LedBias::Zero(15, 18);
+    ASSERT_TRUE(map_update(c.rig.camera, c.rig.leds, grouped, {}, s, P, &bias));
+    EXPECT_LT(boxminus(s, one).norm(), 1e-9);
+    EXPECT_LT((P - P_one).norm(), 1e-9);
+    EXPECT_LT((bias - bias_one).norm(), 1e-9);
+  }
+}
+
+TEST(MapUpdate, ADirectionWithoutInformationIsNoMeasurement) {
+  Case c(8);
+  PictureMeasurements open;
+  open.push_back(together(c.measurements, 0, 2));
+  for (std::size_t i = 2; i < 6; ++i) open.push_back(c.measurements[i]);
+  // Only the mean of the two is known: what each says of the difference is nothing.
+  Eigen::Matrix<double, 2, 4> mean;
+  mean << 0.5, 0, 0.5, 0, 0, 0.5, 0, 0.5;
+  open[0].information = mean.transpose() * mean * 100;
+  PictureMeasurements moved = open;
+  moved[0].images[0].uv += Vector2(3, -2);
+  moved[0].images[1].uv -= Vector2(3, -2);
+  MotionState s = c.prior, s_moved = c.prior;
+  Matrix15 P = c.P, P_moved = c.P;
+  ASSERT_TRUE(map_update(c.rig.camera, c.rig.leds, open, {}, s, P, nullptr));
+  ASSERT_TRUE(
+      map_update(c.rig.camera, c.rig.leds, moved, {}, s_moved, P_moved, nullptr));
+  EXPECT_LT(boxminus(s, s_moved).norm(), 1e-9);
 }
 
 TEST(MapUpdate, FailureChangesNothing) {

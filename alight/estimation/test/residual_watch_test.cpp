@@ -1,0 +1,88 @@
+#include "alight/estimation/residual_watch.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Dense>
+#include <cmath>
+#include <vector>
+
+#include "alight/base/rng.h"
+
+namespace alight {
+namespace {
+
+constexpr double kMetrePerPx = 0.005;  // 2 m away
+
+/// Residuals as a pose fitted to n LEDs leaves them: constant part and noise, less what
+/// six directions of their 2 n can take up.
+struct Source {
+  Eigen::MatrixXd left;  // projection on what a pose cannot explain
+  Eigen::VectorXd constant;
+  double sd_px;
+  Rng rng;
+
+  Source(int n, double led_sd_m, double sd_px_in, std::uint64_t seed)
+      : sd_px(sd_px_in), rng(seed) {
+    Eigen::MatrixXd J(2 * n, 6);
+    for (int i = 0; i < J.size(); ++i) J.data()[i] = rng.normal();
+    left = Eigen::MatrixXd::Identity(2 * n, 2 * n) -
+           J * (J.transpose() * J).inverse() * J.transpose();
+    constant.resize(2 * n);
+    for (int i = 0; i < 2 * n; ++i) constant[i] = led_sd_m / kMetrePerPx * rng.normal();
+  }
+
+  std::vector<ResidualWatch::Residual> next(double claimed_sd_px) {
+    Eigen::VectorXd r = constant;
+    for (int i = 0; i < r.size(); ++i) r[i] += sd_px * rng.normal();
+    r = left * r;
+    std::vector<ResidualWatch::Residual> out;
+    for (int i = 0; i < r.size() / 2; ++i) {
+      out.push_back({.led = i,
+                     .px = r.segment<2>(2 * i),
+                     .m_per_px = kMetrePerPx,
+                     .variance_px2 = 2 * claimed_sd_px * claimed_sd_px});
+    }
+    return out;
+  }
+};
+
+TEST(ResidualWatch, TellsConstantErrorsFromNoise) {
+  for (const int n : {5, 6, 8}) {
+    for (const double led_sd_m : {0.0, 0.001, 0.002}) {
+      double noise = 0, led_square = 0;
+      constexpr int kRuns = 60;
+      for (int run = 0; run < kRuns; ++run) {
+        Source source(n, led_sd_m, 0.1, static_cast<std::uint64_t>(run + 1));
+        ResidualWatch watch;
+        for (int k = 0; k < 300; ++k) watch.add(source.next(0.1));
+        noise += watch.noise() / kRuns;
+        led_square += watch.led_sd_m() * watch.led_sd_m() / kRuns;
+      }
+      EXPECT_NEAR(noise, 1, 0.12) << n << " LEDs, " << led_sd_m;
+      // Exact LEDs: a tenth of the noise in one picture, at most.
+      EXPECT_NEAR(std::sqrt(led_square), led_sd_m, 0.00005 + 0.12 * led_sd_m) << n;
+    }
+  }
+}
+
+TEST(ResidualWatch, NoiseThatWasClaimedTooLowShows) {
+  for (const double factor : {0.8, 2.0, 4.0}) {
+    Source source(6, 0, 0.1, 5);
+    ResidualWatch watch;
+    for (int k = 0; k < 600; ++k) watch.add(source.next(0.1 / factor));
+    EXPECT_NEAR(std::sqrt(watch.noise()), factor, 0.25 * factor);
+  }
+}
+
+TEST(ResidualWatch, ThreeLedsSayNothing) {
+  ResidualWatch watch;
+  const ResidualWatch::Residual r{
+      .led = 0, .px = {5, 5}, .m_per_px = 1, .variance_px2 = 1};
+  const std::vector<ResidualWatch::Residual> three{r, r, r};
+  for (int k = 0; k < 10; ++k) watch.add(three);
+  EXPECT_EQ(watch.led_sd_m(), 0);
+  EXPECT_EQ(watch.noise(), 1);
+}
+
+}  // namespace
+}  // namespace alight

@@ -1,0 +1,142 @@
+#include "alight/vision/led_resolver.h"
+
+#include <gtest/gtest.h>
+
+#include <bit>
+
+#include "alight/vision/blob_detector.h"
+#include "alight/vision/test/scene.h"
+
+namespace alight {
+namespace {
+
+using test::Picture;
+
+struct Scene {
+  Rig rig = alan_rig();
+  Pose X_NB;
+  Picture picture;
+  BlobDetector detector = *BlobDetector::create({}, 848, 480);
+  FixedVector<Vector2, kMaxLeds> still;
+
+  explicit Scene(Rng& rng, double range_min, double range_max, std::uint16_t dark = 0) {
+    X_NB = test::random_pose(rig, rng, range_min, range_max);
+    for (int i = 0; i < rig.leds.size(); ++i) {
+      still.push_back(Vector2::Zero());
+      if ((dark >> i) & 1) continue;
+      picture.add(*project_led(rig.camera, X_NB, rig.leds.p_BL(i)), rig.leds.color(i),
+                  rng.uniform(90, 220), 0.9);
+    }
+    picture.expose(rng);
+  }
+
+  BlobSpan blobs() { return *detector.detect(picture.view()); }
+  LedResolver resolver() const {
+    return *LedResolver::create({}, rig.camera, rig.leds);
+  }
+  double error_px(const LedObservation& o) const {
+    return (*project_observation(rig.camera, X_NB, rig.leds, o.leds) - o.uv).norm();
+  }
+  Pose predicted(Rng& rng) const {
+    Vector3 off_m, turn;
+    for (int k = 0; k < 3; ++k) {
+      off_m[k] = 0.002 * rng.normal();
+      turn[k] = 0.005 * rng.normal();
+    }
+    return make_pose(X_NB.linear() * so3_exp(turn), X_NB.translation() + off_m);
+  }
+};
+
+TEST(LedResolver, FollowsEveryLedWhereBlobsRunTogether) {
+  Rng rng(1);
+  int runs = 0, followed = 0, leds = 0, wrong = 0, grouped = 0;
+  double square = 0;
+  for (; runs < 150; ++runs) {
+    Scene scene(rng, 1.5, 3);
+    LedResolver resolver = scene.resolver();
+    const auto frame =
+        resolver.follow(scene.picture.view(), scene.blobs(), scene.predicted(rng), 2.5,
+                        {scene.still.data(), scene.still.size()}, 0);
+    if (!frame) continue;
+    ++followed;
+    leds += static_cast<int>(frame->seen.size());
+    grouped += static_cast<int>(frame->groups.size());
+    for (const LedObservation& o : frame->seen) {
+      EXPECT_TRUE(std::has_single_bit(o.leds));
+      square += scene.error_px(o) * scene.error_px(o);
+      if (scene.error_px(o) > 0.5) ++wrong;
+    }
+    for (const OverlappingLeds& group : frame->groups) {
+      EXPECT_GE(group.count, 2);
+      EXPECT_LE(static_cast<std::size_t>(group.first + group.count),
+                frame->seen.size());
+      EXPECT_EQ(group.information.rows(), 2 * group.count);
+    }
+  }
+  EXPECT_GT(grouped, 50);  // else nothing ran together
+  EXPECT_GE(followed, 0.9 * runs);
+  EXPECT_GE(leds, 5.8 * followed);
+  EXPECT_LE(wrong, 0.005 * leds);
+  EXPECT_LT(std::sqrt(square / leds), 0.12);
+}
+
+TEST(LedResolver, AnLedThatIsDarkIsLeftOut) {
+  Rng rng(2);
+  int runs = 0, followed = 0, ghosts = 0;
+  for (; runs < 120; ++runs) {
+    const int dark = runs % 6;
+    Scene scene(rng, 0.6, 2.5, static_cast<std::uint16_t>(1u << dark));
+    LedResolver resolver = scene.resolver();
+    const auto frame =
+        resolver.follow(scene.picture.view(), scene.blobs(), scene.predicted(rng), 2.5,
+                        {scene.still.data(), scene.still.size()}, 0);
+    if (!frame) continue;
+    ++followed;
+    for (const LedObservation& o : frame->seen) {
+      if (o.leds == (1u << dark) && o.cov.trace() < 0.1) ++ghosts;
+    }
+  }
+  EXPECT_GE(followed, 0.8 * runs);
+  EXPECT_LE(ghosts, 0.03 * followed);
+}
+
+TEST(LedResolver, ALightNearbyThatMayBeTheMissingLedIsSomebodyElsesTask) {
+  Rng rng(3);
+  int handed_on = 0;
+  for (int run = 0; run < 40; ++run) {
+    Scene scene(rng, 0.8, 1.2, 1u << 3);
+    const Vector2 led =
+        *project_led(scene.rig.camera, scene.X_NB, scene.rig.leds.p_BL(3));
+    scene.picture.add(led + Vector2(0, -14), LedColor::red, 200, 0.9);
+    scene.picture.expose(rng);
+    LedResolver resolver = scene.resolver();
+    if (!resolver.follow(scene.picture.view(), scene.blobs(), scene.X_NB, 2.5,
+                         {scene.still.data(), scene.still.size()}, 0)) {
+      ++handed_on;
+    }
+  }
+  EXPECT_GE(handed_on, 36);
+}
+
+TEST(LedResolver, LearnsThePointSpread) {
+  Rng rng(4);
+  LedResolver resolver = Scene(rng, 1, 2).resolver();
+  for (int run = 0; run < 60; ++run) {
+    Scene scene(rng, 1.5, 3);
+    resolver.follow(scene.picture.view(), scene.blobs(), scene.X_NB, 2.5,
+                    {scene.still.data(), scene.still.size()}, 0);
+  }
+  EXPECT_NEAR(resolver.spread().variance_px2, 0.81, 0.08);
+  EXPECT_LT(resolver.spread().share_sd, 0.1);
+}
+
+TEST(LedResolver, NamesTheBoundThatDoesNotHold) {
+  LedResolverConfig config;
+  config.spread_sd_px = 0;
+  const auto resolver = LedResolver::create(config, Camera{}, Constellation{});
+  ASSERT_FALSE(resolver);
+  EXPECT_NE(resolver.error().detail.find("resolver.spread_sd_px"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace alight

@@ -1,0 +1,146 @@
+#include "alight/vision/spot_fit.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Dense>
+#include <cmath>
+#include <vector>
+
+#include "alight/vision/test/scene.h"
+
+namespace alight {
+namespace {
+
+using test::Picture;
+
+constexpr double kSd = 1.0;
+const PointSpread kSpread{kSd * kSd, 0.1};
+
+struct Lights {
+  std::vector<Vector2> uv;
+  std::vector<double> height;
+};
+
+std::optional<SpotFit> fit(const Lights& lights, std::uint64_t seed, double start_sd,
+                           int channels = 3, double sd = kSd) {
+  Rng rng(seed);
+  Picture picture(channels, 100, 80);
+  for (std::size_t i = 0; i < lights.uv.size(); ++i) {
+    picture.add(lights.uv[i], LedColor::green, lights.height[i], sd);
+  }
+  const ImageView image = picture.expose(rng);
+  std::vector<Vector2> starts;
+  for (const Vector2& uv : lights.uv) {
+    starts.push_back(uv + start_sd * Vector2(rng.normal(), rng.normal()));
+  }
+  return fit_spots(image, starts, {}, kSpread, Vector2::Zero(), {});
+}
+
+Lights draw(int count, double apart, Rng& rng) {
+  Lights out;
+  Vector2 at(50 + rng.uniform(), 40 + rng.uniform());
+  for (int i = 0; i < count; ++i) {
+    out.uv.push_back(at);
+    out.height.push_back(rng.uniform(80, 220));
+    at += apart * Vector2(std::cos(0.7 * i), std::sin(0.7 * i));
+  }
+  return out;
+}
+
+TEST(SpotFit, PlacesLightsThatRunTogether) {
+  Rng rng(1);
+  for (int count = 1; count <= kMaxGroup; ++count) {
+    for (const double apart : {2.5, 4.0}) {
+      double square = 0;
+      int found = 0;
+      constexpr int kRuns = 100;
+      for (int run = 0; run < kRuns; ++run) {
+        const Lights lights = draw(count, apart, rng);
+        const auto fitted = fit(lights, static_cast<std::uint64_t>(run + 1), 0.3);
+        if (!fitted) continue;
+        ++found;
+        for (int k = 0; k < count; ++k) {
+          const auto n = static_cast<std::size_t>(k);
+          square += (fitted->uv[n] - lights.uv[n]).squaredNorm() / (2 * count);
+        }
+      }
+      EXPECT_GE(found, 98) << count << " lights " << apart << " px apart";
+      EXPECT_LT(std::sqrt(square / found), 0.06) << count << " " << apart;
+    }
+  }
+}
+
+TEST(SpotFit, TheInformationIsThatOfTheErrors) {
+  // The mean of e' I e over its dimensions, which noise makes 1. What it allows for
+  // besides (shot noise, a model that is not exact) makes it less here.
+  Rng rng(2);
+  double sum = 0;
+  int count = 0;
+  for (int run = 0; run < 300; ++run) {
+    const Lights lights = draw(2, 3, rng);
+    const auto fitted = fit(lights, static_cast<std::uint64_t>(run + 1), 0.2);
+    if (!fitted) continue;
+    Eigen::Vector4d e;
+    e << fitted->uv[0] - lights.uv[0], fitted->uv[1] - lights.uv[1];
+    sum += e.dot(fitted->information * e) / std::max(fitted->chi2_per_pixel, 1e-3) / 4;
+    ++count;
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(
+        Eigen::MatrixXd(fitted->information));
+    EXPECT_GT(eigen.eigenvalues().minCoeff(), 0);
+  }
+  EXPECT_GT(count, 290);
+  EXPECT_GT(sum / count, 0.3);
+  EXPECT_LT(sum / count, 3);
+}
+
+TEST(SpotFit, FullPixelsDoNotPull) {
+  // Five times over the sensor's range, on grey pictures, where nothing else helps.
+  Rng rng(3);
+  double square = 0;
+  constexpr int kRuns = 100;
+  for (int run = 0; run < kRuns; ++run) {
+    Lights lights = draw(1, 0, rng);
+    lights.height[0] = 1200;
+    const auto fitted = fit(lights, static_cast<std::uint64_t>(run + 1), 0.3, 1);
+    ASSERT_TRUE(fitted);
+    square += (fitted->uv[0] - lights.uv[0]).squaredNorm() / 2;
+  }
+  EXPECT_LT(std::sqrt(square / kRuns), 0.06);
+}
+
+TEST(SpotFit, FindsTheWidthOfThePointSpread) {
+  Rng rng(4);
+  double mean = 0;
+  constexpr int kRuns = 50;
+  for (int run = 0; run < kRuns; ++run) {
+    const Lights lights = draw(1, 0, rng);
+    const auto fitted = fit(lights, static_cast<std::uint64_t>(run + 1), 0.2, 3, 1.15);
+    ASSERT_TRUE(fitted);
+    EXPECT_GT(fitted->variance_information, 0);
+    mean += fitted->variance_px2 / kRuns;
+  }
+  EXPECT_GT(mean, 1.1);  // from 1 towards 1.32, which it is told to be off by 10 %
+  EXPECT_LT(mean, 1.4);
+}
+
+TEST(SpotFit, RefusesWhatIsNotThere) {
+  Rng rng(5);
+  Picture picture(3, 100, 80);
+  picture.add({50, 40}, LedColor::red, 200, 1);
+  const ImageView image = picture.expose(rng);
+  const auto at = [&](const Vector2& uv, std::span<const Roi> foreign = {}) {
+    const Vector2 starts[] = {uv};
+    return fit_spots(image, starts, {}, kSpread, Vector2::Zero(), foreign);
+  };
+  EXPECT_TRUE(at({50.3, 39.8}));
+  EXPECT_FALSE(at({1, 40}));    // over the edge
+  EXPECT_FALSE(at({1e9, 40}));  // far outside
+  EXPECT_FALSE(at({std::nan(""), 40}));
+  const Roi taken{40, 30, 60, 50};
+  EXPECT_FALSE(at({50, 40}, {&taken, 1}));  // somebody else's
+  const auto dark = at({30, 20});
+  EXPECT_TRUE(!dark || dark->height[0] < 12);
+}
+
+}  // namespace
+}  // namespace alight
