@@ -2,6 +2,8 @@
 #include "alight/estimation/relative_filter.h"
 #include "alight/estimation/rest_calibration.h"
 #include "alight/mission/landing_io.h"
+#include "alight/mission/motion_source.h"
+#include "alight/mission/rival_poses.h"
 #include "alight/vision/blob_detector.h"
 #include "alight/vision/led_finder.h"
 #include "alight/vision/led_tracker.h"
@@ -14,6 +16,9 @@ struct RelativeEstimatorConfig {
   LedTrackerConfig tracker;
   RelativeFilterConfig filter;
   RestCalibrationConfig rest;
+  bool keep_rivals =
+      true;  ///< Poses that one picture cannot tell apart, until more do.
+  RivalPosesConfig rivals;
   bool calibrate_at_rest = true;   ///< Before take-off from the pad.
   int rest_pictures = 20;          ///< That many of each LED at least.
   double rest_led_sd_m = 0.0008;   ///< How well LEDs are known then.
@@ -37,19 +42,6 @@ struct RelativeEstimatorConfig {
   static RelativeEstimatorConfig paper();
   /// Pictures alone, nothing known of set-points or platform: for recorded pictures.
   static RelativeEstimatorConfig camera_only();
-};
-
-/// What moves the drone between pictures. Asked for times in any order.
-class MotionSource {
- public:
-  virtual ~MotionSource() = default;
-  virtual PredictionInput at(Time t, const RelativeState& x) const = 0;
-};
-
-/// Nothing known: hover, platform at rest.
-class NoMotion final : public MotionSource {
- public:
-  PredictionInput at(Time t, const RelativeState& x) const override;
 };
 
 /// From pictures to the relative state (paper, sec:RSE): detect, find or follow the
@@ -105,7 +97,8 @@ class RelativeEstimator {
   RelativeEstimator(const RelativeEstimatorConfig& config, const Rig& rig,
                     BlobDetector detector, LedFinder finder, LedTracker tracker,
                     RelativeFilter filter);
-  void search(const CameraFrame& frame, FrameReport& out, Probe* probe);
+  void search(const CameraFrame& frame, const MotionSource& motion, FrameReport& out,
+              Probe* probe);
   bool believable(const FoundLeds& found, Time t);
   bool believable_on_floor(const FoundLeds& found);
   bool confirmed(const Pose& X_NB);
@@ -123,6 +116,7 @@ class RelativeEstimator {
   LedFinder finder_;
   LedTracker tracker_;
   RelativeFilter filter_;
+  RivalPoses rivals_;
   Time last_frame_ = INT64_MIN;
   Time last_sight_ = 0;
   int misses_ = 0;
