@@ -143,7 +143,7 @@ std::string scenario_file(const Settings& settings, const CampaignScenario& scen
   std::string name = stem(scenario.name);
   if (!scenario.fault.empty()) {
     const std::size_t end = scenario.name.find(" + ");
-    name = stem(scenario.name.substr(0, end)) + slug(scenario.name.substr(end));
+    name = stem(scenario.name.substr(0, end)) + "_" + slug(scenario.name.substr(end));
   }
   if (settings.perfect_rig) name += "_perfect_rig";
   return "runs/" + std::string(scenario.fault.empty() ? "" : "faults/") + name +

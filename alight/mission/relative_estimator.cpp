@@ -54,6 +54,7 @@ RelativeEstimatorConfig RelativeEstimatorConfig::paper() {
   config.reprojection_max_px = 10;
   config.calibrate_at_rest = false;
   config.tell_apart = false;
+  config.keep_rivals = false;
   return config;
 }
 
@@ -84,7 +85,8 @@ RelativeEstimator::RelativeEstimator(const RelativeEstimatorConfig& config,
       finder_(std::move(finder)),
       tracker_(std::move(tracker)),
       resolver_(std::move(resolver)),
-      filter_(std::move(filter)) {}
+      filter_(std::move(filter)),
+      rivals_(config.rivals, rig.camera, filter_) {}
 
 Result<RelativeEstimator> RelativeEstimator::create(
     const RelativeEstimatorConfig& config, const Rig& rig) {
@@ -128,10 +130,10 @@ bool RelativeEstimator::fuse(const CameraFrame& frame, const MotionSource& motio
     if (follow(frame, out, probe)) {
       misses_ = confirmations_ = 0;
     } else if (++misses_ >= config_.misses_before_search) {
-      search(frame, out, probe);
+      search(frame, motion, out, probe);
     }
   } else {
-    search(frame, out, probe);
+    search(frame, motion, out, probe);
   }
   if (out.tracked) last_sight_ = frame.captured;
   if (filter_.initialized()) report_state(out);
@@ -228,8 +230,8 @@ FixedVector<Vector2, kMaxLeds> RelativeEstimator::image_motion(const Pose& X_NB)
   return out;
 }
 
-void RelativeEstimator::search(const CameraFrame& frame, FrameReport& out,
-                               Probe* probe) {
+void RelativeEstimator::search(const CameraFrame& frame, const MotionSource& motion,
+                               FrameReport& out, Probe* probe) {
   Result<BlobSpan> blobs = fail(Fault::invalid_input);
   {
     const ProbeScope scope(probe, Stage::detect);
@@ -246,6 +248,11 @@ void RelativeEstimator::search(const CameraFrame& frame, FrameReport& out,
     found = finder_.find(*blobs, frame.captured);
     if (!found && expecting_ && !filter_.initialized()) {
       if (auto expected = find_expected(*blobs, frame.captured)) found = expected;
+    }
+    if (!found && config_.keep_rivals) {
+      const auto left = rivals_.decide(*blobs, frame.captured, finder_.left_open(),
+                                       tracker_, motion, step_);
+      if (left) found = left;
     }
   }
   if (!found) {
@@ -277,6 +284,7 @@ void RelativeEstimator::search(const CameraFrame& frame, FrameReport& out,
     velocity_sd = std::max(0.3, 2 * filter_.velocity_sd());
   }
   filter_.reset(frame.captured, x, covariance_of(found->fit, velocity_sd), d_N, b_N);
+  rivals_.clear();
   misses_ = 0;
   confirmations_ = 0;
   out.leds.clear();
@@ -372,6 +380,7 @@ Result<RestFit> RelativeEstimator::calibrate_at_rest() {
   resolver_.set_rig(camera_, leds_);
   const Time t = filter_.time();
   filter_.set_rig(camera_, leds_, config_.rest_led_sd_m);
+  rivals_.set_rig(camera_, filter_);
   RelativeState x;
   x.p_NB = fit->X_NB.translation();
   x.R_NB = fit->X_NB.linear();

@@ -2,6 +2,8 @@
 #include "alight/estimation/relative_filter.h"
 #include "alight/estimation/rest_calibration.h"
 #include "alight/mission/landing_io.h"
+#include "alight/mission/motion_source.h"
+#include "alight/mission/rival_poses.h"
 #include "alight/vision/blob_detector.h"
 #include "alight/vision/led_finder.h"
 #include "alight/vision/led_resolver.h"
@@ -21,6 +23,9 @@ struct RelativeEstimatorConfig {
                                   ///< followed without looking further.
   RelativeFilterConfig filter;
   RestCalibrationConfig rest;
+  bool keep_rivals =
+      true;  ///< Poses that one picture cannot tell apart, until more do.
+  RivalPosesConfig rivals;
   bool calibrate_at_rest = true;   ///< Before take-off from the pad.
   int rest_pictures = 20;          ///< That many of each LED at least.
   double rest_led_sd_m = 0.0008;   ///< How well LEDs are known then.
@@ -44,19 +49,6 @@ struct RelativeEstimatorConfig {
   static RelativeEstimatorConfig paper();
   /// Pictures alone, nothing known of set-points or platform: for recorded pictures.
   static RelativeEstimatorConfig camera_only();
-};
-
-/// What moves the drone between pictures. Asked for times in any order.
-class MotionSource {
- public:
-  virtual ~MotionSource() = default;
-  virtual PredictionInput at(Time t, const RelativeState& x) const = 0;
-};
-
-/// Nothing known: hover, platform at rest.
-class NoMotion final : public MotionSource {
- public:
-  PredictionInput at(Time t, const RelativeState& x) const override;
 };
 
 /// From pictures to the relative state (paper, sec:RSE): detect, find or follow the
@@ -112,7 +104,8 @@ class RelativeEstimator {
   RelativeEstimator(const RelativeEstimatorConfig& config, const Rig& rig,
                     BlobDetector detector, LedFinder finder, LedTracker tracker,
                     LedResolver resolver, RelativeFilter filter);
-  void search(const CameraFrame& frame, FrameReport& out, Probe* probe);
+  void search(const CameraFrame& frame, const MotionSource& motion, FrameReport& out,
+              Probe* probe);
   /// A pose found from blobs, made as exact as the pixels allow.
   void place_by_pixels(const CameraFrame& frame, BlobSpan blobs, FoundLeds& found);
   bool believable(const FoundLeds& found, Time t);
@@ -139,6 +132,7 @@ class RelativeEstimator {
   LedTracker tracker_;
   LedResolver resolver_;
   RelativeFilter filter_;
+  RivalPoses rivals_;
   Time last_frame_ = INT64_MIN;
   Time last_sight_ = 0;
   int misses_ = 0;

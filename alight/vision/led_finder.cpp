@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "alight/vision/constellation_check.h"
 #include "alight/vision/led_finder_search.h"
 
 namespace alight {
@@ -32,9 +33,13 @@ LedFinder::~LedFinder() = default;
 Result<LedFinder> LedFinder::create(const LedFinderConfig& config, const Camera& camera,
                                     const Constellation& leds, double pad_size_m) {
   if (const auto valid = config.validate(); !valid) return fail(valid.error());
-  if (leds.size() < 4) {
-    return fail(Fault::invalid_config, "a pose needs at least 4 LEDs, the rig has " +
-                                           std::to_string(leds.size()));
+  ConstellationUse use;
+  use.led_sd_m = config.led_sd_m;
+  use.one_sided = config.facing_max_deg < 180;
+  use.use_color = config.use_color;
+  if (const auto report = check_constellation(leds, camera.intrinsics, use);
+      !report.refusal.empty()) {
+    return fail(Fault::invalid_config, report.refusal);
   }
   auto search = std::make_unique<Search>(config, camera, leds, pad_size_m);
   if (search->shapes.triples().empty()) {
@@ -51,12 +56,18 @@ void LedFinder::set_rig(const Camera& camera, const Constellation& leds,
   search_->centre_B = middle_of(leds);
   search_->radius_m = radius_of(leds);
   search_->config.led_sd_m = led_sd_m;
+  search_->prepare_corners();
 }
 
 Result<FoundLeds> LedFinder::find(BlobSpan blobs, Time t) {
+  search_->open.clear();
   return search_->config.profile == LedFinderConfig::Profile::paper
              ? search_->find_paper(blobs, t)
              : search_->find_standard(blobs, t);
+}
+
+std::span<const LedRival> LedFinder::left_open() const {
+  return {search_->open.data(), search_->open.size()};
 }
 
 LedFinder::Search::Search(const LedFinderConfig& config_in, const Camera& camera_in,
@@ -71,10 +82,15 @@ LedFinder::Search::Search(const LedFinderConfig& config_in, const Camera& camera
              [this](const Pose& X_NB) { return plausible(X_NB); }),
       neighbours(2 * kMaxBlobs) {
   split.reserve(2 * kMaxBlobs);
-  usable.reserve(2 * kMaxBlobs);
+  usable.reserve(kMaxBlobs);
+  seeds.reserve(2 * kMaxBlobs);
   by_distance.reserve(2 * kMaxBlobs);
   pinhole.reserve(2 * kMaxBlobs);
   twins.reserve(kTwins);
+  corners.reserve(shapes.triples().size());
+  prepare_corners();
+  // A rough pose is some degrees off.
+  cos_tilt_most = std::cos(std::min(config.tilt_max_deg + 15, 180.0) * kDegree);
   for (auto& list : neighbours) list.reserve(kNeighbours);
   for (auto& corner : of_color) {
     for (TripleSet& set : corner) set.assign(shapes.words(), 0);
@@ -105,6 +121,7 @@ double LedFinder::Search::image_sd(const Pose& X_NB) const {
 Result<FoundLeds> LedFinder::Search::find_standard(BlobSpan blobs, Time t) {
   Result<FoundLeds> found = fail(Fault::too_few_points);
   split_long(blobs);
+  work = 0;
   const BlobSpan parts(split);
   // Washed-out LEDs look white, and so do lamps: they are let in only when the lights
   // of a true colour do not do.
@@ -116,10 +133,14 @@ Result<FoundLeds> LedFinder::Search::find_standard(BlobSpan blobs, Time t) {
     if (white_is_any && !any_white) break;
     prepare(parts, white_is_any);
     if (usable.size() < 4) continue;
-    search_triples(parts, white_is_any);
-    // From here on the blobs as they were seen; the parts only served the search.
-    std::erase_if(usable, [&](int j) { return j >= static_cast<int>(blobs.size()); });
-    found = decide(blobs, white_is_any, t);
+    // A rival that explains five LEDs would be met by the first few triples, too.
+    const std::size_t all = shapes.triples().size(), few = shapes.few();
+    for (const auto& [first, last] : {std::pair{0ul, few}, std::pair{few, all}}) {
+      search_triples(parts, white_is_any, first, last);
+      try_guesses(parts, white_is_any);
+      found = decide(blobs, white_is_any, t);
+      if (most_blobs >= 5) break;
+    }
     if (found || found.error().fault == Fault::ambiguous) break;
   }
   return found;

@@ -1,5 +1,7 @@
 #pragma once
 #include <memory>
+#include <span>
+#include <vector>
 
 #include "alight/vision/blob_detector.h"
 #include "alight/vision/pose_from_leds.h"
@@ -35,7 +37,7 @@ struct LedFinderConfig {
   /// Accept only if fewer answers as good are expected by chance of lights that have
   /// nothing to do with the drone.
   double false_alarms_max = 0.1;
-  int work_max = 300000;     ///< Bound on the work for one picture, about 10 ns each.
+  int work_max = 200000;     ///< Bound on the work for one picture, about 10 ns each.
   double mad_limit_m = 0.1;  ///< paper: lambda_MAD of eqn:RSE_mad.
 
   Result<void> validate() const;
@@ -47,6 +49,14 @@ struct FoundLeds {
   PoseFit fit;
   double score = 0;            ///< -2 log likelihood, against all being stray lights.
   double runner_up_score = 0;  ///< Of the best rival pose.
+};
+
+/// A pose that one picture could not tell from others, or from chance.
+struct LedRival {
+  Pose X_NB = Pose::Identity();
+  Matrix6 cov = Matrix6::Identity();  ///< Of (dp_NB, dR in B).
+  int blobs = 0;                      ///< That it explains.
+  bool by_chance = false;  ///< Lights that have nothing to do with the drone may do so.
 };
 
 /// Solves correspondence and pose at once from the blobs of one picture (paper:
@@ -68,6 +78,10 @@ class LedFinder {
   ///          equally well); paper: too_few_points when blobs and LEDs differ in
   ///          number, degenerate when the MAD test fails.
   Result<FoundLeds> find(BlobSpan blobs, Time t = 0);
+
+  /// What the last `find` left open when it gave no answer, best first; more pictures
+  /// decide between them.
+  std::span<const LedRival> left_open() const;
 
  private:
   struct Search;

@@ -1,5 +1,7 @@
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <bit>
 #include <cmath>
 
 #include "alight/base/median.h"
@@ -10,11 +12,22 @@ namespace {
 
 constexpr double kHopeless = 100;         // -2 log likelihood behind the best so far
 constexpr double kBrighter = 1.2;         // a light than its image in the pad
+constexpr double kRigDof = 2;             // of what is known of the rig's exactness
+constexpr double kAside = 0.5;            // share of the constellation's size by which
+                                          // a blob may be another LED's
 constexpr double kPositionShare = 0.035;  // sd of the range, as a share of it
 
 bool uses(const Assignment& assignment, int blob) {
   return std::find(assignment.blob.begin(), assignment.blob.end(), blob) !=
          assignment.blob.end();
+}
+
+std::uint16_t leds_of(const Assignment& assignment, int blob) {
+  unsigned out = 0;
+  for (std::size_t i = 0; i < kMaxLeds; ++i) {
+    if (assignment.blob[i] == blob) out |= 1u << i;
+  }
+  return static_cast<std::uint16_t>(out);
 }
 
 }  // namespace
@@ -116,6 +129,15 @@ bool LedFinder::Search::same_answer(BlobSpan blobs, const Candidate& best,
   for (std::size_t i = 0; i < kMaxLeds; ++i) {
     const int a = best.assignment.blob[i], b = other.assignment.blob[i];
     if (a >= 0 && b >= 0 && a != b) return false;
+    // What one takes for this LED and the other for others only contradicts, too.
+    const int j = std::max(a, b);
+    if (j < 0) continue;
+    const std::uint16_t best_leds = leds_of(best.assignment, j);
+    const std::uint16_t other_leds = leds_of(other.assignment, j);
+    const unsigned both = best_leds & other_leds;
+    if (best_leds != 0 && other_leds != 0 && both != best_leds && both != other_leds) {
+      return false;
+    }
   }
   const LedImages images = led_images(camera, leds, best.X_NB);
   const auto terms = blob_terms(best.assignment, images, blobs, image_sd(best.X_NB));
@@ -128,12 +150,18 @@ double LedFinder::Search::log_false_alarms(BlobSpan blobs, const Settled& best) 
   const Assignment& assignment = best.candidate.assignment;
   const LedImages images = led_images(camera, leds, best.candidate.X_NB);
   const double reach = images.size_px + 5, about = 4 * reach;
-  int strays = 1;
+  int strays = 1, within = 0;
   double log_orders = 0;
   for (const int j : usable) {
     const Blob& blob = blobs[static_cast<std::size_t>(j)];
     if (!uses(assignment, j)) {
-      strays += (blob.uv - images.middle).norm() < about;
+      const double off = (blob.uv - images.middle).norm();
+      strays += off < about;
+      const bool mirrored =
+          std::any_of(twins.begin(), twins.end(), [&](const std::pair<int, int>& twin) {
+            return twin.first == j && uses(assignment, twin.second);
+          });
+      within += off < 1.5 * reach && !mirrored;
       continue;
     }
     int fitting = 0;
@@ -144,7 +172,11 @@ double LedFinder::Search::log_false_alarms(BlobSpan blobs, const Settled& best) 
   }
   const double area =
       static_cast<double>(camera.intrinsics.width) * camera.intrinsics.height;
-  const double density = std::max(strays / (kPi * about * about), light_density);
+  double density = std::max(strays / (kPi * about * about), light_density);
+  // Lights that the answer leaves out in its own midst may be its LEDs.
+  if (within >= (assignment.blobs == 4 ? 1 : assignment.blobs)) {
+    density = std::max(density, (within + 1) / (2.25 * kPi * reach * reach));
+  }
   const double near = std::max(0.5, 2 * best.fit.rms_px);
   return log_orders + std::log(density * area) +
          2 * std::log(density * kPi * reach * reach) +
@@ -162,47 +194,167 @@ bool LedFinder::Search::decided(const BlobFit& fit) const {
          place <= std::max(0.02, kPositionShare * range);
 }
 
-void LedFinder::Search::polish(FoundLeds& found) const {
-  // Where the places alone decide the pose, usual tilt and shapes have no say in it.
-  const double sd = image_sd(found.fit.X_NB);
-  while (found.frame.seen.size() >= 5) {
-    auto seen = found.frame.seen;
-    for (LedObservation& o : seen) o.cov += sd * sd * Matrix2::Identity();
-    const auto fit = refine_pose(camera, leds, {seen.data(), seen.size()},
-                                 found.fit.X_NB, nullptr, 15);
-    if (!fit || rivals(fit->X_NB, found.fit.X_NB) || !plausible(fit->X_NB)) return;
-    const double turn = std::sqrt(fit->cov.diagonal().tail<3>().maxCoeff());
-    if (turn > config.attitude_sd_max_deg * kDegree) return;
-    found.fit.X_NB = fit->X_NB;
-    found.fit.cov = fit->cov;
-    found.fit.chi2 = fit->chi2;
-    found.fit.rms_px = fit->rms_px;
-    if (seen.size() == 5 || fit->rms_px <= std::max(config.rms_max_px, 1.5 * sd)) {
+void LedFinder::Search::challenge(BlobSpan blobs, bool white_is_any,
+                                  const Settled& best) {
+  challengers.clear();
+  const Assignment& own = best.candidate.assignment;
+  const LedImages images = led_images(camera, leds, best.fit.X_NB);
+  const double sd = image_sd(best.fit.X_NB);
+  const auto offer = [&](const Assignment& assignment, const Pose& X_NB_0) {
+    Settled s;
+    s.candidate.assignment = assignment;
+    const auto terms = blob_terms(assignment, images, blobs, sd);
+    const auto fit =
+        fit_blobs(camera, leds, {terms.data(), terms.size()}, tilt_sd(), X_NB_0, 10);
+    if (!fit || !plausible(fit->X_NB) || !rivals(fit->X_NB, best.fit.X_NB)) return;
+    s.fit = *fit;
+    s.candidate.X_NB = fit->X_NB;
+    s.candidate.score =
+        score_of(s.candidate, blobs, {terms.data(), terms.size()}, *fit);
+    if (lead(best, s) < 2 * config.runner_up_margin) challengers.push_back(s);
+  };
+
+  // From afar a flat body looks the same turned half about its normal and half about
+  // the line of sight.
+  Vector3 middle = Vector3::Zero();
+  Matrix3 square = Matrix3::Zero();
+  for (int i = 0; i < leds.size(); ++i) {
+    if (own.blob[static_cast<std::size_t>(i)] < 0) continue;
+    middle += leds.p_BL(i) / own.leds;
+    square += leds.p_BL(i) * leds.p_BL(i).transpose() / own.leds;
+  }
+  Eigen::SelfAdjointEigenSolver<Matrix3> axes;
+  axes.computeDirect(square - middle * middle.transpose());
+  const Vector3 centre = best.fit.X_NB * middle;
+  const Vector3 sight = (centre - camera.X_NC.translation()).normalized();
+  const Matrix3 R_mirrored = so3_exp(kPi * sight) * best.fit.X_NB.linear() *
+                             so3_exp(kPi * axes.eigenvectors().col(0));
+  offer(own, make_pose(R_mirrored, centre - R_mirrored * middle));
+
+  if (own.blobs > 5) return;
+  struct Change {
+    std::uint16_t from, to;
+    int blob;
+  };
+  FixedVector<Change, 24> changes;
+  LedGroups& groups = scratch.groups;
+  led_groups(images, leds, config.merge_px, groups);
+  for (const LedGroup& group : groups) {
+    for (std::size_t i = 0; i < kMaxLeds; ++i) {
+      const int j = own.blob[i];
+      if (j < 0) continue;
+      const auto first = std::find(own.blob.begin(), own.blob.end(), j);
+      if (first != own.blob.begin() + static_cast<std::ptrdiff_t>(i)) continue;
+      const Blob& blob = blobs[static_cast<std::size_t>(j)];
+      if ((blob.uv - group.middle).norm() > 4 + kAside * images.size_px) continue;
+      const std::uint16_t from = leds_of(own, j);
+      bool agree = true;
+      for (std::size_t k = 0; k < kMaxLeds; ++k) {
+        if (((group.leds >> k) & 1) == 0) continue;
+        agree =
+            agree && (own.blob[k] < 0 || own.blob[k] == j) &&
+            (!config.use_color ||
+             colors_agree(blob.color, leds.color(static_cast<int>(k)), white_is_any));
+      }
+      if (agree && from != group.leds) changes.push_back({from, group.leds, j});
+    }
+  }
+  const auto changed = [](Assignment assignment, const Change& change) {
+    for (std::size_t k = 0; k < kMaxLeds; ++k) {
+      if (((change.from >> k) & 1) != 0) assignment.blob[k] = -1;
+    }
+    for (std::size_t k = 0; k < kMaxLeds; ++k) {
+      if (((change.to >> k) & 1) != 0) assignment.blob[k] = change.blob;
+    }
+    assignment.leds += std::popcount(change.to) - std::popcount(change.from);
+    return assignment;
+  };
+  for (std::size_t a = 0; a < changes.size(); ++a) {
+    const Assignment once = changed(own, changes[a]);
+    offer(once, best.fit.X_NB);
+    for (std::size_t b = a + 1; b < changes.size() && own.blobs == 4; ++b) {
+      if (changes[b].blob == changes[a].blob || (changes[b].to & changes[a].to) != 0) {
+        continue;
+      }
+      offer(changed(once, changes[b]), best.fit.X_NB);
+    }
+  }
+}
+
+double LedFinder::Search::lead(const Settled& best, const Settled& other) const {
+  // Student's t where it tells more than the normal distribution: what is off by little
+  // in all is held to it.
+  const auto n =
+      2.0 * std::min(best.candidate.assignment.blobs, other.candidate.assignment.blobs);
+  const auto unlikely = [&](const BlobFit& fit) {
+    return (kRigDof + n) * std::log(1 + fit.chi2_place / kRigDof);
+  };
+  const double normal = other.candidate.score - best.candidate.score;
+  return std::max(normal, normal - other.fit.chi2_place + unlikely(other.fit) +
+                              best.fit.chi2_place - unlikely(best.fit));
+}
+
+void LedFinder::Search::polish(BlobSpan blobs, Settled& best) const {
+  Assignment& assignment = best.candidate.assignment;
+  for (;;) {
+    const LedImages images = led_images(camera, leds, best.fit.X_NB);
+    const double sd = image_sd(best.fit.X_NB);
+    const double dof = 2.0 * assignment.blobs - 6;
+    const double share =
+        std::min(1.0, (kRigDof + best.fit.chi2_place) / (kRigDof + dof));
+    const auto terms = blob_terms(assignment, images, blobs, sd * std::sqrt(share));
+    const auto fit = fit_blobs(camera, leds, {terms.data(), terms.size()}, tilt_sd(),
+                               best.fit.X_NB, 10);
+    if (!fit || rivals(fit->X_NB, best.fit.X_NB) || !plausible(fit->X_NB)) return;
+    best.fit = *fit;
+    if (assignment.blobs <= 5 || fit->rms_px <= std::max(config.rms_max_px, 1.5 * sd)) {
       return;
     }
     // One is off by more than LEDs and centroids usually are.
-    std::size_t worst = 0;
+    const BlobTerm* worst = nullptr;
     double most = 0;
-    for (std::size_t i = 0; i < seen.size(); ++i) {
-      const auto uv = project_observation(camera, fit->X_NB, leds, seen[i].leds);
-      const double off = uv ? (*uv - seen[i].uv).norm() : 1e9;
+    for (const BlobTerm& term : terms) {
+      const auto uv = project_observation(camera, fit->X_NB, leds, term.leds);
+      const double off = uv ? (*uv - term.uv).norm() : 1e9;
       if (off <= most) continue;
       most = off;
-      worst = i;
+      worst = &term;
     }
-    auto rest = seen;
-    rest.erase(worst);
-    const auto again =
-        refine_pose(camera, leds, {rest.data(), rest.size()}, fit->X_NB, nullptr, 15);
-    if (!again || rivals(again->X_NB, fit->X_NB) || !plausible(again->X_NB)) return;
-    found.frame.refused.push_back({seen[worst].uv, Refusal::off_constellation});
-    found.frame.seen.erase(worst);
+    for (std::size_t i = 0; i < kMaxLeds; ++i) {
+      if (((worst->leds >> i) & 1) == 0) continue;
+      assignment.blob[i] = -1;
+      --assignment.leds;
+    }
+    --assignment.blobs;
   }
+}
+
+void LedFinder::Search::leave_open(BlobSpan blobs, const Settled& best) {
+  open.clear();
+  const bool by_chance =
+      log_false_alarms(blobs, best) > std::log(config.false_alarms_max);
+  const auto add = [&](const Settled& s) {
+    if (lead(best, s) > 4 * config.runner_up_margin) return;
+    for (const LedRival& other : open) {
+      if (!rivals(other.X_NB, s.fit.X_NB)) return;
+    }
+    const auto ldlt = s.fit.information.ldlt();
+    if (!(ldlt.vectorD().minCoeff() > 0)) return;
+    open.push_back({s.fit.X_NB, ldlt.solve(Matrix6::Identity()),
+                    s.candidate.assignment.blobs, by_chance});
+  };
+  add(best);
+  std::sort(settled.begin(), settled.end(), [](const Settled& a, const Settled& b) {
+    return a.candidate.score < b.candidate.score;
+  });
+  for (const Settled& s : settled) add(s);
+  for (const Settled& s : challengers) add(s);
 }
 
 Result<FoundLeds> LedFinder::Search::decide(BlobSpan blobs, bool white_is_any, Time t) {
   settled.clear();
   rough.clear();
+  most_blobs = 0;
   find_twins(blobs);
   const Settled* best = nullptr;
   std::sort(kept.begin(), kept.end(),
@@ -233,40 +385,54 @@ Result<FoundLeds> LedFinder::Search::decide(BlobSpan blobs, bool white_is_any, T
   }
   if (best == nullptr) return fail(Fault::too_few_points);
   const Candidate& chosen = best->candidate;
+  most_blobs = chosen.assignment.blobs;
   if (best->fit.rms_px > std::max(config.rms_max_px, 3 * image_sd(chosen.X_NB)) ||
       log_false_alarms(blobs, *best) > std::log(config.false_alarms_max)) {
+    challengers.clear();
+    leave_open(blobs, Settled(*best));
     return fail(Fault::too_few_points);
   }
 
   FoundLeds found;
   found.score = chosen.score;
   found.runner_up_score = std::numeric_limits<double>::infinity();
-  for (const auto& [other, fit] : settled) {
-    if (other.score >= found.runner_up_score ||
-        other.score > chosen.score + 4 * config.runner_up_margin ||
-        same_answer(blobs, chosen, other)) {
-      continue;
+  challenge(blobs, white_is_any, *best);
+  const auto oppose = [&](const Settled& other) {
+    const double score = found.score + lead(*best, other);
+    if (score >= found.runner_up_score || same_answer(blobs, chosen, other.candidate)) {
+      return;
     }
-    found.runner_up_score = other.score;
-    found.fit.X_NB_runner_up = other.X_NB;
-    found.fit.runner_up_rms_px = fit.rms_px;
+    found.runner_up_score = score;
+    found.fit.X_NB_runner_up = other.candidate.X_NB;
+    found.fit.runner_up_rms_px = other.fit.rms_px;
+  };
+  for (const Settled& other : settled) oppose(other);
+  for (const Settled& other : challengers) oppose(other);
+  if (found.runner_up_score - found.score < config.runner_up_margin) {
+    leave_open(blobs, Settled(*best));
+    return fail(Fault::ambiguous);
   }
-  if (found.runner_up_score - found.score < config.runner_up_margin ||
-      !decided(best->fit)) {
+  Settled answer = *best;
+  polish(blobs, answer);
+  if (!decided(answer.fit)) {
+    leave_open(blobs, Settled(*best));
     return fail(Fault::ambiguous);
   }
 
-  found.fit.X_NB = best->fit.X_NB;
-  found.fit.cov = best->fit.information.ldlt().solve(Matrix6::Identity());
-  found.fit.chi2 = best->fit.chi2_place;
-  found.fit.rms_px = best->fit.rms_px;
+  found.fit.X_NB = answer.fit.X_NB;
+  found.fit.cov = answer.fit.information.ldlt().solve(Matrix6::Identity());
+  found.fit.chi2 = answer.fit.chi2_place;
+  found.fit.rms_px = answer.fit.rms_px;
   found.frame.t = t;
-  const LedImages images = led_images(camera, leds, chosen.X_NB);
-  found.frame.seen = observations(chosen.assignment, images, blobs, 0.15);
-  polish(found);
-  for (std::size_t j = 0; j < blobs.size(); ++j) {
-    if (uses(chosen.assignment, static_cast<int>(j))) continue;
-    found.frame.refused.push_back({blobs[j].uv, Refusal::no_led_near});
+  const LedImages images = led_images(camera, leds, answer.fit.X_NB);
+  const Assignment& used = answer.candidate.assignment;
+  found.frame.seen = observations(used, images, blobs, 0.15);
+  for (int j = 0; j < static_cast<int>(blobs.size()); ++j) {
+    if (uses(used, j)) continue;
+    const bool dropped = uses(chosen.assignment, j);
+    found.frame.refused.push_back(
+        {blobs[static_cast<std::size_t>(j)].uv,
+         dropped ? Refusal::off_constellation : Refusal::no_led_near});
   }
   return found;
 }

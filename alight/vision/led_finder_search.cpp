@@ -3,24 +3,28 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <limits>
+#include <numeric>
 
 namespace alight {
 namespace {
 
-/// Three points on the image to a first pose: how far its other LEDs may be off, as a
-/// share of the constellation's size in px.
-constexpr double kRoughShare = 0.12;
+/// Three points to a first pose: how far its other LEDs may be off, as a share of the
+/// constellation's size, and more the larger it stands in view.
+constexpr double kRoughShare = 0.06, kPerspective = 0.6;
+constexpr double kSameUp = 0.95;    // cosine: two guesses at the same pose
+constexpr double kGuessMargin = 2;  // LEDs explained less than by the best guess
 constexpr double kFineShare = 0.05;
 /// Stretch, in its sd, from which a blob may be two LEDs that stand out from one.
 constexpr double kLong = 2;
 // Cost of the steps of a search, in units of LedFinderConfig::work_max.
-constexpr int kLookUp = 1, kThreePoints = 60, kMatch = 100, kFit = 500;
+constexpr int kLookUp = 1, kThreePoints = 4, kMatch = 100, kFit = 500;
 
 }  // namespace
 
 void LedFinder::Search::split_long(BlobSpan blobs) {
   split.assign(blobs.begin(), blobs.end());
-  whole_blobs = static_cast<int>(blobs.size());
+  whole_blobs = split.size();
   for (const Blob& blob : blobs) {
     const Vector2 stretch = stretch_of(blob.spread);
     const double length = stretch.norm();
@@ -41,11 +45,11 @@ void LedFinder::Search::split_long(BlobSpan blobs) {
 
 void LedFinder::Search::prepare(BlobSpan blobs, bool white_is_any) {
   usable.clear();
+  seeds.clear();
   pinhole.clear();
   kept.clear();
   rough.clear();
   rough_next = 0;
-  work = 0;
   const Intrinsics& lens = camera.intrinsics;
   const auto agrees = [&](LedColor seen, int led) {
     return !config.use_color || colors_agree(seen, leds.color(led), white_is_any);
@@ -66,17 +70,19 @@ void LedFinder::Search::prepare(BlobSpan blobs, bool white_is_any) {
     pinhole.emplace_back(lens.fx * ray.x() + lens.cx, lens.fy * ray.y() + lens.cy);
     for (int i = 0; i < leds.size() && !blobs[j].cut; ++i) {
       if (!agrees(blobs[j].color, i)) continue;
-      usable.push_back(static_cast<int>(j));
+      seeds.push_back(static_cast<int>(j));
+      // The parts only serve the search.
+      if (j < whole_blobs) usable.push_back(static_cast<int>(j));
       break;
     }
   }
   light_density = (static_cast<double>(usable.size()) + 1) /
                   (static_cast<double>(lens.width) * lens.height);
-  for (std::size_t n = 0; n < usable.size(); ++n) {
-    const Vector2 uv = blobs[static_cast<std::size_t>(usable[n])].uv;
+  for (std::size_t n = 0; n < seeds.size(); ++n) {
+    const Vector2 uv = blobs[static_cast<std::size_t>(seeds[n])].uv;
     by_distance.clear();
-    for (const int m : usable) {
-      if (m == usable[n]) continue;
+    for (const int m : seeds) {
+      if (m == seeds[n]) continue;
       by_distance.emplace_back(
           (blobs[static_cast<std::size_t>(m)].uv - uv).squaredNorm(), m);
     }
@@ -91,46 +97,105 @@ void LedFinder::Search::prepare(BlobSpan blobs, bool white_is_any) {
   }
 }
 
-void LedFinder::Search::search_triples(BlobSpan blobs, bool white_is_any) {
-  const auto blob = [&](int j) -> const Blob& {
-    return blobs[static_cast<std::size_t>(j)];
+void LedFinder::Search::prepare_corners() {
+  corners.clear();
+  for (const ShapeTable::Triple& triple : shapes.triples()) {
+    const Vector3& first = leds.p_BL(triple[0]);
+    const Vector3 a = leds.p_BL(triple[1]) - first, b = leds.p_BL(triple[2]) - first;
+    Corners c;
+    c.aa = a.squaredNorm();
+    c.bb = b.squaredNorm();
+    c.ab = a.dot(b);
+    c.det = c.aa * c.bb - c.ab * c.ab;
+    Matrix3 sides;
+    sides << a, b, a.cross(b);
+    const Matrix3 into = sides.inverse();
+    c.up = into.col(2);
+    for (int l = 0; l < leds.size(); ++l) {
+      c.place[static_cast<std::size_t>(l)] = into * (leds.p_BL(l) - first);
+    }
+    corners.push_back(c);
+  }
+}
+
+void LedFinder::Search::look_around(BlobSpan blobs, std::size_t n, bool white_is_any) {
+  const int seed = seeds[n];
+  around.blob[0] = seed;
+  std::copy(neighbours[n].begin(), neighbours[n].end(), around.blob.begin() + 1);
+  around.count = neighbours[n].size() + 1;
+  const Intrinsics& lens = camera.intrinsics;
+  const auto ray = [&](int j) {
+    const Vector2& uv = pinhole[static_cast<std::size_t>(j)];
+    return Vector3((uv.x() - lens.cx) / lens.fx, (uv.y() - lens.cy) / lens.fy, 1);
   };
+  const Vector3 z = ray(seed).normalized();
+  const Vector3 x = Vector3::UnitY().cross(z).normalized();
+  around.R_CV << x, z.cross(x), z;
+  around.up_V = around.R_CV.transpose() * camera.X_NC.linear().row(2).transpose();
+  around.x.fill(1e6f);
+  around.y.fill(1e6f);
+  for (auto& row : around.wrong) row.fill(0);
+  for (std::size_t m = 0; m < around.count; ++m) {
+    const Vector3 p = around.R_CV.transpose() * ray(around.blob[m]);
+    // What lies far to the side is another light.
+    const double w = std::max(p.z(), 1e-3);
+    around.x[m] = static_cast<float>(p.x() / w);
+    around.y[m] = static_cast<float>(p.y() / w);
+    const LedColor seen = blobs[static_cast<std::size_t>(around.blob[m])].color;
+    for (std::size_t color = 0; color < 5; ++color) {
+      const bool agree = !config.use_color ||
+                         colors_agree(seen, static_cast<LedColor>(color), white_is_any);
+      around.wrong[color][m] = agree ? 0.0f : 1e6f;
+    }
+  }
+}
+
+std::pair<int, double> LedFinder::Search::Around::nearest(float at_x, float at_y,
+                                                          std::size_t color) const {
+  // Positive floats compare like their bits; the last bits carry which it was.
+  static_assert(kRoom <= 32);
+  const Row& far = wrong[color];
+  std::int32_t best = std::numeric_limits<std::int32_t>::max();
+  for (std::size_t m = 0; m < kRoom; ++m) {
+    const float dx = x[m] - at_x, dy = y[m] - at_y;
+    const auto bits = std::bit_cast<std::int32_t>(dx * dx + dy * dy + far[m]);
+    best = std::min(best, (bits & ~31) | static_cast<std::int32_t>(m));
+  }
+  return {blob[static_cast<std::size_t>(best & 31)],
+          static_cast<double>(std::bit_cast<float>(best & ~31))};
+}
+
+void LedFinder::Search::search_triples(BlobSpan blobs, bool white_is_any,
+                                       std::size_t first, std::size_t last) {
+  guesses.clear();
+  guess_worst = 0;
   const auto px = [&](int j) { return pinhole[static_cast<std::size_t>(j)]; };
   const auto fits = [&](std::size_t corner, int j) -> const TripleSet& {
-    return of_color[corner][static_cast<std::size_t>(blob(j).color)];
+    return of_color[corner]
+                   [static_cast<std::size_t>(blobs[static_cast<std::size_t>(j)].color)];
   };
-  std::array<int, kNeighbours + 1> near, whole_near;
-  for (std::size_t n = 0; n < usable.size(); ++n) {
-    const int i = usable[n];
-    near[0] = i;
-    std::copy(neighbours[n].begin(), neighbours[n].end(), near.begin() + 1);
-    const std::span<const int> around(near.data(), neighbours[n].size() + 1);
-    const auto whole_end =
-        std::copy_if(around.begin(), around.end(), whole_near.begin(),
-                     [&](int j) { return j < whole_blobs; });
-    const std::span<const int> whole(whole_near.begin(), whole_end);
-    for (const int j : neighbours[n]) {
-      const ShapeTable::Side side = ShapeTable::side(px(i), px(j));
-      for (const int k : neighbours[n]) {
+  // If the work runs out, it does so all over the picture.
+  const std::size_t count = seeds.size();
+  std::size_t stride = std::max<std::size_t>(1, count * 5 / 8);
+  while (std::gcd(stride, count) != 1) ++stride;
+  for (std::size_t step = 0; step < count; ++step) {
+    const std::size_t n = step * stride % count;
+    look_around(blobs, n, white_is_any);
+    const int i = around.blob[0];
+    for (std::size_t j = 1; j < around.count; ++j) {
+      const ShapeTable::Side side = ShapeTable::side(px(i), px(around.blob[j]));
+      for (std::size_t k = 1; k < around.count; ++k) {
         if (k == j) continue;
         work += kLookUp;
-        const std::uint64_t* possible = shapes.possible(side, px(k));
+        const std::uint64_t* possible = shapes.possible(side, px(around.blob[k]));
         for (std::size_t w = 0; w < shapes.words(); ++w) {
-          std::uint64_t left =
-              possible[w] & fits(0, i)[w] & fits(1, j)[w] & fits(2, k)[w];
+          std::uint64_t left = possible[w] & fits(0, i)[w] &
+                               fits(1, around.blob[j])[w] & fits(2, around.blob[k])[w];
           for (; left != 0; left &= left - 1) {
-            if (work > config.work_max) return;
             const auto t = w * 64 + static_cast<std::size_t>(std::countr_zero(left));
-            const auto [a, b, c] = shapes.triples()[t];
-            const Vector3 p_BL[3] = {leds.p_BL(a), leds.p_BL(b), leds.p_BL(c)};
-            const Vector2 uv[3] = {blob(i).uv, blob(j).uv, blob(k).uv};
-            work += kThreePoints;
-            const ThreePointPoses start =
-                three_point_poses(camera.intrinsics, p_BL, uv);
-            for (int s = 0; s < start.count; ++s) {
-              const Pose X_NB = camera.X_NC * start.X_CB[s];
-              if (plausible(X_NB)) try_pose(blobs, X_NB, around, whole, white_is_any);
-            }
+            if (t < first || t >= last) continue;
+            if (work > config.work_max) return;
+            guess(t, j, k);
           }
         }
       }
@@ -138,38 +203,111 @@ void LedFinder::Search::search_triples(BlobSpan blobs, bool white_is_any) {
   }
 }
 
-void LedFinder::Search::try_pose(BlobSpan blobs, const Pose& X_NB,
-                                 std::span<const int> near, std::span<const int> whole,
-                                 bool white_is_any) {
-  // A cheap count first: most poses explain their own three points and nothing else.
-  const Pose X_CB = camera.X_NC.inverse() * X_NB;
-  const Intrinsics& lens = camera.intrinsics;
-  const double range = (X_CB * centre_B).norm();
-  const double reach = 2 + kRoughShare * lens.fx * radius_m / range;
-  int explained = 0;
-  for (int l = 0; l < leds.size(); ++l) {
-    const Vector3 p_CL = X_CB * leds.p_BL(l);
-    if (p_CL.z() < 0.02) return;
-    const Vector2 uv(lens.fx * p_CL.x() / p_CL.z() + lens.cx,
-                     lens.fy * p_CL.y() / p_CL.z() + lens.cy);
-    for (const int j : near) {
-      const auto m = static_cast<std::size_t>(j);
-      if ((pinhole[m] - uv).squaredNorm() < reach * reach &&
-          (!config.use_color ||
-           colors_agree(blobs[m].color, leds.color(l), white_is_any))) {
-        ++explained;
-        break;
-      }
+void LedFinder::Search::guess(std::size_t triple, std::size_t j, std::size_t k) {
+  work += kThreePoints;
+  // As in three_point_poses, about the ray to the first of the three.
+  const Corners& c = corners[triple];
+  const double ex = around.x[j], ey = around.y[j], fx = around.x[k], fy = around.y[k];
+  const double ee = ex * ex + ey * ey, ff = fx * fx + fy * fy, ef = ex * fx + ey * fy;
+  const double B = c.aa * ff + c.bb * ee - 2 * c.ab * ef;
+  const double C = ee * ff - ef * ef;
+  const double s2 = (B + std::sqrt(std::max(B * B - 4 * c.det * C, 0.0))) / (2 * c.det);
+  const double s = std::sqrt(s2);
+  // 1.3 and 0.7: what the projection makes of a near drone's range.
+  if (!(s * config.range_max_m > 0.7) || s * config.range_min_m > 1.4) return;
+  const double h = std::sqrt(std::max(s2 * c.aa - ee, 0.0));
+  double d = std::sqrt(std::max(s2 * c.bb - ff, 0.0));
+  if (s2 * c.ab - ef < 0) d = -d;
+  const double normal_x = (ey * d - h * fy) / s, normal_y = (h * fx - ex * d) / s;
+  const double normal_z = (ex * fy - ey * fx) / s;
+  const double size = s * radius_m;
+  const double reach =
+      2 / camera.intrinsics.fx + size * (kRoughShare + kPerspective * size);
+  const double reach2 = reach * reach;
+  const auto n = static_cast<std::size_t>(leds.size());
+  const double worst = guesses.full() ? guess_worst : static_cast<double>(n) - 3.5;
+  for (const double sign : {1.0, -1.0}) {
+    const Vector3 up_V =
+        Vector3(c.up.x() * ex + c.up.y() * fx + c.up.z() * sign * normal_x,
+                c.up.x() * ey + c.up.y() * fy + c.up.z() * sign * normal_y,
+                sign * (c.up.x() * h + c.up.y() * d) + c.up.z() * normal_z) /
+        s;
+    const double up = up_V.dot(around.up_V);
+    if (up < cos_tilt_most) continue;
+    Guess out;
+    out.cost = 0.1 * (1 - up);
+    for (std::size_t l = 0; l < n; ++l) {
+      const Vector3& at = c.place[l];
+      const auto [blob, d2] = around.nearest(
+          static_cast<float>(at.x() * ex + at.y() * fx + at.z() * sign * normal_x),
+          static_cast<float>(at.x() * ey + at.y() * fy + at.z() * sign * normal_y),
+          static_cast<std::size_t>(leds.leds[l].color));
+      const bool explained = d2 < reach2;
+      out.cost += explained ? d2 / reach2 : 1.0;
+      out.blob[l] = static_cast<std::int16_t>(explained ? blob : -1);
+      ++work;
+      if (out.cost >= worst) break;
+    }
+    if (out.cost >= worst) continue;
+    out.triple = static_cast<int>(triple);
+    out.corner = {around.blob[0], around.blob[j], around.blob[k]};
+    out.flipped = sign < 0;
+    out.up_C = around.R_CV * up_V;
+    keep_guess(out);
+  }
+}
+
+void LedFinder::Search::keep_guess(const Guess& guess) {
+  std::size_t worst = 0;
+  for (std::size_t g = 0; g < guesses.size(); ++g) {
+    Guess& other = guesses[g];
+    if (other.blob == guess.blob && other.up_C.dot(guess.up_C) > kSameUp) {
+      if (guess.cost < other.cost) other = guess;
+      return;
+    }
+    if (other.cost > guesses[worst].cost) worst = g;
+  }
+  if (guesses.push_back(guess)) {
+    if (!guesses.full()) return;
+  } else {
+    guesses[worst] = guess;
+  }
+  guess_worst = 0;
+  for (const Guess& other : guesses) guess_worst = std::max(guess_worst, other.cost);
+}
+
+void LedFinder::Search::try_guesses(BlobSpan blobs, bool white_is_any) {
+  std::sort(guesses.begin(), guesses.end(), [](const Guess& a, const Guess& b) {
+    return a.cost != b.cost ? a.cost < b.cost : a.blob < b.blob;
+  });
+  for (const Guess& guess : guesses) {
+    if (guess.cost > guesses.front().cost + kGuessMargin) break;
+    const ShapeTable::Triple& t =
+        shapes.triples()[static_cast<std::size_t>(guess.triple)];
+    Vector3 p_BL[3];
+    Vector2 uv[3];
+    for (std::size_t n = 0; n < 3; ++n) {
+      p_BL[n] = leds.p_BL(t[n]);
+      uv[n] = blobs[static_cast<std::size_t>(guess.corner[n])].uv;
+    }
+    const ThreePointPoses start = three_point_poses(camera.intrinsics, p_BL, uv);
+    for (int n = 0; n < start.count; ++n) {
+      const Pose X_NB = camera.X_NC * start.X_CB[n];
+      const Vector3 up_C = start.X_CB[n].linear().col(2);
+      if (up_C.dot(guess.up_C) < 0.85 || !plausible(X_NB)) continue;
+      try_pose(blobs, X_NB, white_is_any);
     }
   }
-  if (explained < 4) return;
+}
 
+void LedFinder::Search::try_pose(BlobSpan blobs, const Pose& X_NB, bool white_is_any) {
   work += kMatch;
   Candidate candidate;
   candidate.X_NB = X_NB;
   LedImages images = led_images(camera, leds, X_NB);
-  GroupRule rule{reach, 1, 5, config.merge_px, config.use_color, white_is_any};
-  candidate.assignment = match_groups(images, leds, blobs, whole, rule, scratch);
+  GroupRule rule{2 + 0.12 * images.size_px, 1,           5, config.merge_px,
+                 config.use_color,          white_is_any};
+  candidate.assignment = match_groups(images, leds, blobs, usable, rule, scratch);
   if (candidate.assignment.blobs < 4) return;
   for (const Candidate& other : rough) {
     if (other.assignment == candidate.assignment && !rivals(other.X_NB, X_NB)) return;
@@ -184,7 +322,7 @@ void LedFinder::Search::try_pose(BlobSpan blobs, const Pose& X_NB,
   images = led_images(camera, leds, fit->X_NB);
   rule.tolerance_px = 2 + kFineShare * images.size_px;
   candidate.X_NB = fit->X_NB;
-  candidate.assignment = match_groups(images, leds, blobs, whole, rule, scratch);
+  candidate.assignment = match_groups(images, leds, blobs, usable, rule, scratch);
   if (candidate.assignment.blobs < 4) return;
   // With what is left over as the missing LEDs' residual.
   double square = 0;

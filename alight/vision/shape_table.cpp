@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 
 namespace alight {
@@ -15,9 +16,10 @@ int clamp_cell(double x, int cells) {
 
 }  // namespace
 
-std::vector<std::array<int, 3>> covering_triples(const Constellation& leds) {
+CoveringTriples covering_triples(const Constellation& leds) {
   struct Entry {
     std::array<int, 3> triple;
+    unsigned mask;
     double area;
   };
   std::vector<Entry> all;
@@ -35,69 +37,74 @@ std::vector<std::array<int, 3>> covering_triples(const Constellation& leds) {
         const Vector3 e = leds.p_BL(longest[1]) - leds.p_BL(longest[0]);
         const Vector3 f = leds.p_BL(longest[2]) - leds.p_BL(longest[0]);
         const double area = e.cross(f).norm();
-        if (area > 0.05 * e.norm() * f.norm()) all.push_back({longest, area});
+        const unsigned mask = 1u << i | 1u << j | 1u << k;
+        if (area > 0.05 * e.norm() * f.norm()) all.push_back({longest, mask, area});
       }
     }
   }
-  std::vector<std::array<int, 4>> open;
-  for (int a = 0; a < n; ++a) {
-    for (int b = a + 1; b < n; ++b) {
-      for (int c = b + 1; c < n; ++c) {
-        for (int d = c + 1; d < n; ++d) open.push_back({a, b, c, d});
-      }
+  CoveringTriples out;
+  std::vector<unsigned> chosen;
+  const auto cover_sets_of = [&](int size) {
+    std::vector<unsigned> open;
+    for (unsigned set = 0; set < 1u << n; ++set) {
+      if (std::popcount(set) != size) continue;
+      const bool covered = std::any_of(chosen.begin(), chosen.end(),
+                                       [&](unsigned t) { return (set & t) == t; });
+      if (!covered) open.push_back(set);
     }
-  }
-  const auto contains = [](const std::array<int, 4>& four,
-                           const std::array<int, 3>& t) {
-    return std::all_of(t.begin(), t.end(), [&](int led) {
-      return std::find(four.begin(), four.end(), led) != four.end();
-    });
+    while (!open.empty()) {
+      const Entry* best = nullptr;
+      std::ptrdiff_t best_count = 0;
+      for (const Entry& entry : all) {
+        const auto count = std::count_if(open.begin(), open.end(), [&](unsigned set) {
+          return (set & entry.mask) == entry.mask;
+        });
+        const bool better =
+            count > best_count ||
+            (count == best_count && best != nullptr && entry.area > best->area);
+        if (count > 0 && better) {
+          best = &entry;
+          best_count = count;
+        }
+      }
+      if (best == nullptr) break;  // What is left stands in a line.
+      chosen.push_back(best->mask);
+      out.triples.push_back(best->triple);
+      std::erase_if(open,
+                    [&](unsigned set) { return (set & best->mask) == best->mask; });
+    }
   };
-  std::vector<std::array<int, 3>> chosen;
-  while (!open.empty()) {
-    const Entry* best = nullptr;
-    std::ptrdiff_t best_count = 0;
-    for (const Entry& entry : all) {
-      const auto count = std::count_if(open.begin(), open.end(), [&](const auto& four) {
-        return contains(four, entry.triple);
-      });
-      const bool better =
-          count > best_count ||
-          (count == best_count && best != nullptr && entry.area > best->area);
-      if (count > 0 && better) {
-        best = &entry;
-        best_count = count;
-      }
-    }
-    if (best == nullptr) break;  // What is left stands in a line.
-    chosen.push_back(best->triple);
-    std::erase_if(open, [&](const auto& four) { return contains(four, best->triple); });
-  }
-  return chosen;
+  cover_sets_of(std::min(n, std::max(5, (3 * n + 4) / 5)));
+  out.few = out.triples.size();
+  cover_sets_of(std::min(n, std::max(4, (2 * n + 4) / 5)));
+  return out;
 }
 
 ShapeTable::Side ShapeTable::side(const Vector2& a, const Vector2& b) {
   const Vector2 e = b - a;
   const double turn = (std::atan2(e.y(), e.x()) / kPi + 1) / 2;
-  return {a, e, std::max(e.squaredNorm(), 1e-12),
+  const Vector2 along = e / std::max(e.squaredNorm(), 1e-12);
+  return {a, along, Vector2(-along.y(), along.x()),
           static_cast<std::size_t>(clamp_cell(turn * kAngles, kAngles))};
 }
 
 std::size_t ShapeTable::cell(const Side& ab, const Vector2& c) {
+  // f in the frame of the side, the plane drawn into a square.
   const Vector2 f = c - ab.a;
-  // f in the frame of the side, the plane drawn into the unit disk.
-  const Vector2 w(ab.e.dot(f) / ab.ee, (ab.e.x() * f.y() - ab.e.y() * f.x()) / ab.ee);
-  const Vector2 d = w / (1 + w.norm());
-  const int x = clamp_cell((d.x() + 1) / 2 * kGrid, kGrid);
-  const int y = clamp_cell((d.y() + 1) / 2 * kGrid, kGrid);
-  return (ab.angle * kGrid + static_cast<std::size_t>(y)) * kGrid +
-         static_cast<std::size_t>(x);
+  const double along = ab.along.dot(f), across = ab.across.dot(f);
+  constexpr double kHalf = kGrid / 2.0;
+  const double scale = kHalf / (1 + std::max(std::abs(along), std::abs(across)));
+  const auto x = std::min(static_cast<std::size_t>(kHalf + along * scale), kGrid - 1);
+  const auto y = std::min(static_cast<std::size_t>(kHalf + across * scale), kGrid - 1);
+  return (ab.angle * kGrid + y) * kGrid + x;
 }
 
 ShapeTable::ShapeTable(const Camera& camera, const Constellation& leds,
                        double range_min_m, double range_max_m,
-                       const std::function<bool(const Pose&)>& allowed)
-    : triples_(covering_triples(leds)) {
+                       const std::function<bool(const Pose&)>& allowed) {
+  const CoveringTriples cover = covering_triples(leds);
+  triples_ = cover.triples;
+  few_ = cover.few;
   words_ = (triples_.size() + 63) / 64;
   bits_.assign(kAngles * kGrid * kGrid * words_, 0);
   const Intrinsics& lens = camera.intrinsics;

@@ -7,8 +7,8 @@
 
 namespace alight {
 
-/// What three LEDs can look like. For each of a few LED triples (chosen so that any
-/// four LEDs contain one) it tabulates which image triangles the drone can make at all,
+/// What three LEDs can look like. For each of a few LED triples (see covering_triples)
+/// it tabulates which image triangles the drone can make at all,
 /// seen from this camera at an attitude that is allowed: direction of the first side
 /// and place of the third corner relative to it. A look-up tells most wrong triples of
 /// blobs from right ones before a pose is computed.
@@ -21,11 +21,13 @@ class ShapeTable {
              double range_max_m, const std::function<bool(const Pose&)>& allowed);
 
   const std::vector<Triple>& triples() const { return triples_; }
+  /// The first of them, which suffice while most LEDs are seen.
+  std::size_t few() const { return few_; }
 
   /// First side of a triangle, prepared for its many third corners.
   struct Side {
-    Vector2 a, e;
-    double ee;
+    Vector2 a, along,
+        across;  // where the first corner is; by the side's length squared
     std::size_t angle;
   };
   static Side side(const Vector2& a, const Vector2& b);
@@ -44,11 +46,19 @@ class ShapeTable {
   void widen();
 
   std::size_t words_ = 1;
+  std::size_t few_ = 0;
   std::vector<Triple> triples_;
   std::vector<std::uint64_t> bits_;
 };
 
-/// LED triples, widest first, such that every four LEDs contain one (greedy cover).
-std::vector<std::array<int, 3>> covering_triples(const Constellation& leds);
+/// LED triples such that all sets of LEDs that may be all that is seen contain one
+/// (greedy cover, wide ones preferred). The first `few` do while most are seen: all but
+/// one of six, three of eight, six of sixteen; all of them for four of six, and of more
+/// than ten LEDs for two fifths.
+struct CoveringTriples {
+  std::vector<std::array<int, 3>> triples;
+  std::size_t few = 0;
+};
+CoveringTriples covering_triples(const Constellation& leds);
 
 }  // namespace alight

@@ -1,0 +1,158 @@
+#include "alight/mission/rival_poses.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <vector>
+
+#include "alight/base/rng.h"
+#include "alight/vision/led_finder.h"
+
+namespace alight {
+namespace {
+
+Blob light(const Vector2& uv, Rng& rng) {
+  Blob blob;
+  blob.uv = uv + 0.1 * Vector2(rng.normal(), rng.normal());
+  blob.cov = 0.01 * Matrix2::Identity();
+  blob.spread = 1.2 * Matrix2::Identity();
+  blob.area_px = 12;
+  blob.brightness = 1500;
+  blob.peak = 255;
+  return blob;
+}
+
+/// An infrared drone that hovers about a place before the lens, some of its LEDs dark,
+/// among lamps that stand still.
+class Hall {
+ public:
+  Hall(const Rig& rig, int dark, int lamps, unsigned seed) : rig_(rig), rng_(seed) {
+    for (;;) {
+      const Vector3 p_NB(rng_.uniform(-1.2, -0.2), rng_.uniform(-0.4, 0.4),
+                         rng_.uniform(0.3, 0.9));
+      X_NB_ = make_pose(from_rpy(0, 0, rng_.uniform(-20, 20) * kDegree), p_NB);
+      way_ = Vector3(rng_.normal(), rng_.normal(), rng_.normal()).normalized();
+      bool inside = true;
+      for (const double t : {0.0, 0.5, 1.0}) {
+        for (const Led& led : rig.leds.leds) {
+          const auto uv = project_led(rig.camera, at(t), led.p_BL);
+          inside = inside && uv && rig.camera.intrinsics.contains(*uv, 20);
+        }
+      }
+      if (inside) break;
+    }
+    lit_.assign(static_cast<std::size_t>(rig.leds.size()), true);
+    for (int n = 0; n < dark;) {
+      const auto i = static_cast<std::size_t>(rng_.uniform(0, rig.leds.size()));
+      n += lit_[i];
+      lit_[i] = false;
+    }
+    for (int n = 0; n < lamps; ++n) {
+      lamps_.emplace_back(rng_.uniform(0, 847), rng_.uniform(0, 479));
+    }
+  }
+
+  /// On its way at 0.5 m/s, swaying by 6 deg.
+  Pose at(double t) const {
+    const Matrix3 sway =
+        from_rpy(6 * kDegree * std::sin(5 * t), 6 * kDegree * std::sin(4 * t), 0.2 * t);
+    return make_pose(X_NB_.linear() * sway, X_NB_.translation() + 0.5 * t * way_);
+  }
+
+  std::vector<Blob> picture(double t) {
+    std::vector<Blob> blobs;
+    for (int i = 0; i < rig_.leds.size(); ++i) {
+      if (!lit_[static_cast<std::size_t>(i)]) continue;
+      blobs.push_back(light(*project_led(rig_.camera, at(t), rig_.leds.p_BL(i)), rng_));
+    }
+    for (const Vector2& lamp : lamps_) blobs.push_back(light(lamp, rng_));
+    return blobs;
+  }
+
+ private:
+  Rig rig_;
+  Rng rng_;
+  Pose X_NB_ = Pose::Identity();
+  Vector3 way_;
+  std::vector<bool> lit_;
+  std::vector<Vector2> lamps_;
+};
+
+struct Start {
+  double after_s = -1;  ///< Never, if negative.
+  bool wrong = false;
+};
+
+Start start(Hall& hall, LedFinder& finder, const LedTracker& tracker,
+            RivalPoses& rivals, double until_s) {
+  const NoMotion motion;
+  rivals.clear();
+  for (int k = 0; k / 60.0 <= until_s; ++k) {
+    const double s = k / 60.0;
+    const Time t = from_seconds(100 + s);
+    const auto blobs = hall.picture(s);
+    auto found = finder.find(blobs, t);
+    if (!found) {
+      found = rivals.decide(blobs, t, finder.left_open(), tracker, motion,
+                            from_seconds(0.005));
+    }
+    if (!found) continue;
+    const Pose truth = hall.at(s);
+    const double off = (found->fit.X_NB.translation() - truth.translation()).norm();
+    const double turned = angle_between(found->fit.X_NB.linear(), truth.linear());
+    return {s, off > 0.15 || turned > 15 * kDegree};
+  }
+  return {};
+}
+
+struct Case {
+  const char* name;
+  int dark, lamps, seeds;
+  double started_share;
+};
+class RivalPosesMany : public testing::TestWithParam<Case> {};
+
+TEST_P(RivalPosesMany, OneIsLeftWithinHalfASecondAndItIsRight) {
+  const Case c = GetParam();
+  Rig rig = alan_rig();
+  for (Led& led : rig.leds.leds) led.color = LedColor::none;
+  auto finder = LedFinder::create({}, rig.camera, rig.leds);
+  const auto tracker = LedTracker::create({}, rig.camera, rig.leds);
+  const auto filter =
+      RelativeFilter::create(RelativeFilterConfig::camera_only(), rig.camera, rig.leds);
+  ASSERT_TRUE(finder && tracker && filter);
+  RivalPoses rivals({}, rig.camera, *filter);
+  int started = 0;
+  for (int seed = 0; seed < c.seeds; ++seed) {
+    Hall hall(rig, c.dark, c.lamps, static_cast<unsigned>(seed));
+    const Start s = start(hall, *finder, *tracker, rivals, 0.5);
+    started += s.after_s >= 0;
+    if (s.wrong) ADD_FAILURE() << "seed " << seed << " after " << s.after_s << " s";
+  }
+  RecordProperty("started", started);
+  EXPECT_GE(started, c.started_share * c.seeds);
+}
+INSTANTIATE_TEST_SUITE_P(Cases, RivalPosesMany,
+                         testing::Values(Case{"AllLit", 0, 0, 40, 0.95},
+                                         Case{"TwoDark", 2, 0, 40, 0.3},
+                                         Case{"TwoDarkAmong100", 2, 100, 4, 0}),
+                         [](const auto& of) { return of.param.name; });
+
+/// Lamps that do not move are never taken for a drone, however long one looks.
+TEST(RivalPoses, LampsAloneAreNoDrone) {
+  Rig rig = alan_rig();
+  for (Led& led : rig.leds.leds) led.color = LedColor::none;
+  auto finder = LedFinder::create({}, rig.camera, rig.leds);
+  const auto tracker = LedTracker::create({}, rig.camera, rig.leds);
+  const auto filter =
+      RelativeFilter::create(RelativeFilterConfig::camera_only(), rig.camera, rig.leds);
+  ASSERT_TRUE(finder && tracker && filter);
+  RivalPoses rivals({}, rig.camera, *filter);
+  for (unsigned seed = 0; seed < 3; ++seed) {
+    Hall hall(rig, 6, 20 + 5 * static_cast<int>(seed), seed);
+    EXPECT_LT(start(hall, *finder, *tracker, rivals, 0.4).after_s, 0) << seed;
+  }
+}
+
+}  // namespace
+}  // namespace alight

@@ -1,0 +1,110 @@
+#include <cmath>
+#include <map>
+#include <vector>
+
+#include "run_scenarios.h"
+
+namespace alight {
+namespace {
+
+/// What reaches the brain of pictures, and when it runs.
+struct Watch : RunObserver {
+  struct Picture {
+    Time captured, received;
+    std::uint64_t sum;
+    bool depth;
+  };
+  std::vector<Picture> pictures;
+  std::vector<Time> steps;
+
+  void on_picture(const CameraFrame& frame) override {
+    std::uint64_t sum = 0;
+    for (int v = 0; v < frame.color.height; ++v) {
+      for (int i = 0; i < frame.color.width * 3; ++i) {
+        sum = 31 * sum + frame.color.data[v * frame.color.stride + i];
+      }
+    }
+    pictures.push_back(
+        {frame.captured, frame.received, sum, frame.depth.data != nullptr});
+  }
+  void on_step(const Output&, const TruthState& truth, double) override {
+    steps.push_back(truth.t);
+  }
+};
+
+/// The first two seconds of a flight; the fault is on from 1 s to 1.5 s.
+Watch watch(FaultScenario fault, bool with = true) {
+  LandingRunOptions options = test::options_of("still", 3);
+  options.timeout_s = 2;
+  fault.at_s = 1;
+  fault.for_s = 0.5;
+  if (with) options.scenario.faults = {fault};
+  Watch seen;
+  EXPECT_TRUE(run_landing(options, &seen));
+  return seen;
+}
+Watch watch(FaultKind kind) { return watch({.kind = kind}); }
+
+int within(const Watch& seen, double from_s, double to_s) {
+  int count = 0;
+  for (const auto& p : seen.pictures) {
+    count += p.captured >= from_seconds(from_s) && p.captured < from_seconds(to_s);
+  }
+  return count;
+}
+
+TEST(LandingFaults, PicturesAreLostOrComeTwice) {
+  EXPECT_EQ(within(watch({}, false), 1, 1.5), 30);
+  EXPECT_EQ(within(watch(FaultKind::camera_out), 1, 1.5), 0);
+  EXPECT_EQ(within(watch(FaultKind::camera_out), 0.5, 1), 30);
+  EXPECT_EQ(within(watch(FaultKind::camera_repeat), 1, 1.5), 60);
+}
+
+TEST(LandingFaults, PicturesAreLateAndStayInOrder) {
+  const Watch seen = watch({.kind = FaultKind::camera_late, .late_ms = 100});
+  Time last = 0;
+  int late = 0;
+  for (const auto& p : seen.pictures) {
+    EXPECT_GE(p.captured, last);
+    last = p.captured;
+    late += p.received - p.captured > from_seconds(0.12);
+  }
+  EXPECT_GE(late, 30);
+  EXPECT_LE(late, 31);
+}
+
+TEST(LandingFaults, AFrozenPictureStaysTheSameUnderNewTimes) {
+  const Watch seen = watch(FaultKind::camera_freeze);
+  std::map<std::uint64_t, int> same;
+  for (const auto& p : seen.pictures) ++same[p.sum];
+  int most = 0;
+  for (const auto& [sum, count] : same) most = std::max(most, count);
+  EXPECT_EQ(most, 31);
+  for (std::size_t i = 1; i < seen.pictures.size(); ++i) {
+    EXPECT_GT(seen.pictures[i].captured, seen.pictures[i - 1].captured);
+  }
+}
+
+TEST(LandingFaults, DepthStaysAway) {
+  int without = 0, with = 0;
+  for (const auto& p : watch(FaultKind::depth_out).pictures) {
+    (p.depth ? with : without) += 1;
+  }
+  EXPECT_EQ(without, 30);
+  EXPECT_GT(with, 60);
+}
+
+TEST(LandingFaults, AStalledComputerDoesNotStepAndThenGoesOn) {
+  const Watch seen = watch(FaultKind::computer_stall);
+  Time widest = 0;
+  for (std::size_t i = 1; i < seen.steps.size(); ++i) {
+    widest = std::max(widest, seen.steps[i] - seen.steps[i - 1]);
+  }
+  EXPECT_NEAR(to_seconds(widest), 0.5, 0.011);
+  // Eight waited, and two were still on their way when it went on.
+  EXPECT_GE(within(seen, 1, 1.5), 8);
+  EXPECT_LE(within(seen, 1, 1.5), 11);
+}
+
+}  // namespace
+}  // namespace alight
