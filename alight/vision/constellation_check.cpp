@@ -4,7 +4,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
+#include <iomanip>
+#include <sstream>
 
 namespace alight {
 namespace {
@@ -15,17 +16,13 @@ constexpr double kSpan_px = 16;    // of a constellation whose attitude can be t
 constexpr double kSamePose = 12 * kDegree;
 constexpr double kBlind_m = 0.5;  // range within which that must be so
 
-std::string mm(double m) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.0f mm", 1000 * m);
-  return text;
+std::string number(double x, int digits) {
+  std::ostringstream text;
+  text << std::fixed << std::setprecision(digits) << x;
+  return text.str();
 }
 
-std::string number(double x, const char* format) {
-  char text[32];
-  std::snprintf(text, sizeof text, format, x);
-  return text;
-}
+std::string mm(double m) { return number(1000 * m, 0) + " mm"; }
 
 /// Line and plane that fit best, through the middle.
 struct Shape {
@@ -186,7 +183,7 @@ std::string say(const Constellation& leds, const Likeness& like) {
         (pairs.empty() ? "" : ", ") + std::to_string(l) + " for " + std::to_string(to);
   }
   const double turn = angle_between(like.R, Matrix3::Identity()) / kDegree;
-  return "turned by " + number(turn, "%.0f") + " deg the LEDs look the same to " +
+  return "turned by " + number(turn, 0) + " deg the LEDs look the same to " +
          mm(like.off) + " (" + pairs + ")";
 }
 
@@ -211,9 +208,8 @@ ConstellationReport check_constellation(const Constellation& leds,
   const double told_to = lens.fx * shape.span / kSpan_px;
   if (told_to < kBlind_m) {
     refuse("leds: the two farthest apart are " + mm(shape.span) +
-           " from each other, too little for this lens beyond " +
-           number(told_to, "%.2f") + " m; spread them over at least " +
-           mm(kSpan_px * use.range_m / lens.fx));
+           " from each other, too little for this lens beyond " + number(told_to, 2) +
+           " m; spread them over at least " + mm(kSpan_px * use.range_m / lens.fx));
     return report;
   }
   if (shape.off_line < std::max(sure, 0.05 * shape.span)) {
@@ -234,7 +230,7 @@ ConstellationReport check_constellation(const Constellation& leds,
   if (like.off < clear) {
     report.warnings.push_back(
         "leds: " + say(leds, like) + ", which shows by less than " +
-        number(kClear_px, "%.1f") + " px from " + number(use.range_m, "%.1f") +
+        number(kClear_px, 1) + " px from " + number(use.range_m, 1) +
         " m; starts may take longer there: move LED " + std::to_string(like.worst) +
         " by " + mm(2 * clear) + " or give it another colour");
   }
@@ -254,7 +250,7 @@ ConstellationReport check_constellation(const Constellation& leds,
   }
   if (told_to < use.range_m) {
     report.warnings.push_back("leds: the two farthest apart are " + mm(shape.span) +
-                              " from each other; beyond " + number(told_to, "%.1f") +
+                              " from each other; beyond " + number(told_to, 1) +
                               " m this lens tells no attitude from them");
   }
   if (n == 4) {
