@@ -356,7 +356,7 @@ TEST_F(BadInput, Arguments) {
         "plan --from=-1,0,1 --platform-speed=inf" + rig,
         "track" + rig,
         "track x --method other" + rig,
-        "track x --method aruco" + rig,
+        "track x --method nonsense" + rig,
         "eval '" + good_tum_ + "'",
         "eval '" + good_tum_ + "' '" + good_tum_ + "' --align sim3",
         "eval '" + good_tum_ + "' '" + good_tum_ + "' --max-dt -1",

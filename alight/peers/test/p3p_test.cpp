@@ -52,7 +52,7 @@ TEST(P3p, TheTruePoseIsAmongTheAnswers) {
   for (int i = 0; i < kViews; ++i) {
     const View view(rng);
     // Where two answers meet in one, half of the digits are lost.
-    EXPECT_LT(nearest(solve_p3p(view.p_B, view.rays), view.X_CB), 1e-4) << i;
+    EXPECT_LT(nearest(solve_p3p(view.p_B, view.rays), view.X_CB), 1e-3) << i;
   }
 }
 

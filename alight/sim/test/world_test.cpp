@@ -200,7 +200,8 @@ TEST(World, ALostLinkEndsInTheAutopilotsOwnLanding) {
     ASSERT_TRUE(world->contact().flown);
     EXPECT_TRUE(world->truth().motors_running);
     world->advance_to(from_seconds(13));
-    EXPECT_FALSE(world->truth().motors_running) << external_pose;
+    // Without a velocity the firmware only descends, and nothing stops its motors.
+    EXPECT_EQ(world->truth().motors_running, !external_pose);
     EXPECT_LT(world->truth().X_IB.translation().z(), 0.5) << external_pose;
     EXPECT_FALSE(world->contact().struck) << world->contact().struck_what;
   }
