@@ -18,6 +18,7 @@ Result<void> LandingConfig::validate() const {
 
 LandingConfig LandingConfig::standard(const Rig& rig) {
   LandingConfig config;
+  config.estimator.frozen_pictures = 3;
   config.response.thrust_to_weight = rig.drone.thrust_to_weight;
   config.response.motor_ms = rig.drone.motor_ms;
   config.response.tilt_max_deg = rig.drone.tilt_max_deg;

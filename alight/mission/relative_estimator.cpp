@@ -2,6 +2,7 @@
 
 #include <bit>
 #include <cmath>
+#include <cstring>
 
 namespace alight {
 namespace {
@@ -31,6 +32,9 @@ Result<void> RelativeEstimatorConfig::validate() const {
   if (auto good = rest.validate(); !good) return good;
   if (!(prediction_step_ms >= 1 && prediction_step_ms <= 50)) {
     return fail(Fault::invalid_config, "prediction_step_ms must lie in [1, 50]");
+  }
+  if (frozen_pictures < 0 || frozen_pictures == 1) {
+    return fail(Fault::invalid_config, "frozen_pictures must be 0 or at least 2");
   }
   if (misses_before_search < 1) {
     return fail(Fault::invalid_config, "misses_before_search must be at least 1");
@@ -126,7 +130,10 @@ bool RelativeEstimator::fuse(const CameraFrame& frame, const MotionSource& motio
   }
   last_frame_ = frame.captured;
 
-  if (filter_.initialized()) {
+  if (frozen(frame)) {
+    ++misses_;
+    out.why_not = "the camera repeats its picture";
+  } else if (filter_.initialized()) {
     if (follow(frame, out, probe)) {
       misses_ = confirmations_ = 0;
     } else if (++misses_ >= config_.misses_before_search) {
@@ -138,6 +145,23 @@ bool RelativeEstimator::fuse(const CameraFrame& frame, const MotionSource& motio
   if (out.tracked) last_sight_ = frame.captured;
   if (filter_.initialized()) report_state(out);
   return true;
+}
+
+bool RelativeEstimator::frozen(const CameraFrame& frame) {
+  if (config_.frozen_pictures == 0 || frame.color.empty()) return false;
+  // Noise makes every row another; every sixteenth will do (FNV-1a over whole words).
+  std::uint64_t hash = 1469598103934665603u;
+  const auto bytes = static_cast<std::size_t>(frame.color.width * frame.color.channels);
+  for (int v = 0; v < frame.color.height; v += 16) {
+    for (std::size_t at = 0; at + 8 <= bytes; at += 8) {
+      std::uint64_t word = 0;
+      std::memcpy(&word, frame.color.row(v) + at, 8);
+      hash = (hash ^ word) * 1099511628211u;
+    }
+  }
+  alike_ = hash == fingerprint_ ? alike_ + 1 : 1;
+  fingerprint_ = hash;
+  return !expecting_ && !on_floor_ && alike_ >= config_.frozen_pictures;
 }
 
 bool RelativeEstimator::follow(const CameraFrame& frame, FrameReport& out,

@@ -30,6 +30,9 @@ struct RelativeEstimatorConfig {
   int rest_pictures = 20;          ///< That many of each LED at least.
   double rest_led_sd_m = 0.0008;   ///< How well LEDs are known then.
   double prediction_step_ms = 5;   ///< Inputs are held this long.
+  int frozen_pictures = 0;         ///< So many alike to the last bit in a row are those
+                                   ///< of a camera that has stopped: no sight, while
+                                   ///< the drone flies. 0: not looked at.
   int misses_before_search = 3;    ///< Frames without a match before the whole picture
                                    ///< is searched,
   int leds_after_misses = 4;       ///< and LEDs needed to be taken up again from then.
@@ -115,6 +118,8 @@ class RelativeEstimator {
   /// Updates the filter and tells of it. With `only_if_good` nothing happens unless
   /// every observation agrees with the prediction.
   bool accept(const LedFrame& leds, bool only_if_good, FrameReport& out, Probe* probe);
+  /// Whether the camera has stopped: its pictures repeat to the last bit.
+  bool frozen(const CameraFrame& frame);
   /// The LEDs where they are expected: a fit with all but one of them in view.
   Result<FoundLeds> find_expected(BlobSpan blobs, Time t) const;
   /// Way of each LED's image during the exposure, px.
@@ -133,6 +138,8 @@ class RelativeEstimator {
   LedResolver resolver_;
   RelativeFilter filter_;
   RivalPoses rivals_;
+  std::uint64_t fingerprint_ = 0;  // of the last picture
+  int alike_ = 0;                  // pictures in a row with it
   Time last_frame_ = INT64_MIN;
   Time last_sight_ = 0;
   int misses_ = 0;

@@ -108,6 +108,11 @@ struct Watch {
     draw(sway(t), which);
     return fuse(t);
   }
+  /// The last picture, as if it were a new one.
+  bool again() {
+    now += kFrame;
+    return fuse(now);
+  }
   /// Pictures in a row, all tracked.
   void follow(int pictures) {
     for (int i = 0; i < pictures; ++i) {
@@ -155,6 +160,25 @@ TEST(RelativeEstimator, InitializesWithOnePictureAndTracks) {
   }
   EXPECT_LT(worst_m, 0.004);
   EXPECT_LT(worst_deg, 1);
+}
+
+// Bit for bit the same picture again and again is a camera that has stopped.
+TEST(RelativeEstimator, ACameraThatRepeatsItsPictureSeesNothing) {
+  RelativeEstimatorConfig config = Watch::config_for_tests();
+  config.frozen_pictures = 3;
+  Watch w(config);
+  w.follow(20);
+  ASSERT_TRUE(w.report.tracked);
+  const Time seen = w.estimator.last_sight();
+  // The last picture once more, as if newly captured, and again.
+  for (int k = 2; k <= 6; ++k) {
+    w.again();
+    EXPECT_EQ(w.report.tracked, k < 3) << k;
+  }
+  EXPECT_LE(w.estimator.last_sight(), seen + kFrame);
+  EXPECT_STREQ(w.report.why_not, "the camera repeats its picture");
+  w.follow(3);
+  EXPECT_TRUE(w.report.tracked);
 }
 
 // The n-th picture, for every n: lost, black, late, repeated or of the wrong size.
