@@ -194,18 +194,19 @@ bool RelativeEstimator::follow(const CameraFrame& frame, FrameReport& out,
     if (leds && accept(*leds, true, out, probe)) return true;
   }
   LedFrame leds;
+  int by_blobs = 0;  // LEDs that the tracker saw; dim ones beside them prove nothing
   {
     const ProbeScope scope(probe, Stage::associate);
     TrackDetail detail;
     leds = tracker_.track(*blobs, X_NB, cov, frame.captured, &detail);
+    by_blobs = leds.led_count();
     if (config_.tell_apart && !leds.seen.empty()) {
       resolver_.resolve(frame.color, *blobs, detail, {blur.data(), blur.size()}, leds);
     }
   }
   // Out of sight for a while, the prediction is vague enough for any lamp or two to
   // pass for LEDs.
-  if (misses_ >= config_.misses_before_search &&
-      leds.led_count() < config_.leds_after_misses) {
+  if (misses_ >= config_.misses_before_search && by_blobs < config_.leds_after_misses) {
     out.why_not = "too few LEDs to be sure";
     return false;
   }
@@ -238,6 +239,11 @@ bool RelativeEstimator::accept(const LedFrame& leds, bool only_if_good,
   out.tracked =
       report->used >= 3 && report->reprojection_px < config_.reprojection_max_px;
   if (!out.tracked) out.why_not = "too few LEDs fit";
+  if (out.tracked && report->used >= 5) {
+    usual_rms_px_ += usual_rms_px_ > 0
+                         ? 0.05 * (report->reprojection_px - usual_rms_px_)
+                         : report->reprojection_px;
+  }
   return out.tracked;
 }
 
@@ -286,6 +292,7 @@ void RelativeEstimator::search(const CameraFrame& frame, const MotionSource& mot
                       : "no pose explains the picture";
     return;
   }
+  if (config_.tell_apart) place_by_pixels(frame, *blobs, *found);
   if (filter_.initialized() && !believable(*found, frame.captured)) {
     out.why_not = "a pose that contradicts the prediction";
     return;
@@ -294,7 +301,6 @@ void RelativeEstimator::search(const CameraFrame& frame, const MotionSource& mot
     out.why_not = "not yet sure that it is the drone on the floor";
     return;
   }
-  if (config_.tell_apart) place_by_pixels(frame, *blobs, *found);
   RelativeState x;
   x.p_NB = found->fit.X_NB.translation();
   x.R_NB = found->fit.X_NB.linear();
@@ -346,6 +352,13 @@ bool RelativeEstimator::believable(const FoundLeds& found, Time t) {
            config_.search_turn_deg * kDegree)) {
     confirmations_ = 0;
     return true;
+  }
+  // Lamps that look like the constellation do so less exactly than the LEDs did.
+  if (usual_rms_px_ > 0 &&
+      found.fit.rms_px >
+          std::max(config_.search_rms_px, config_.search_rms_factor * usual_rms_px_)) {
+    confirmations_ = 0;
+    return false;
   }
   return found.frame.led_count() >= config_.search_leds && confirmed(found.fit.X_NB);
 }

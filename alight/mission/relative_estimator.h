@@ -44,6 +44,8 @@ struct RelativeEstimatorConfig {
   double search_drift_m_s = 1;   ///< A prediction may be off by the gate plus this,
   double search_turn_deg = 35;   ///< and turned by this;
   int search_leds = 5;           ///< else an answer needs that many LEDs,
+  double search_rms_px = 0.25;   ///< at least as exactly as this,
+  double search_rms_factor = 3;  ///< or as this many times what is usual,
   int search_confirmations = 3;  ///< in so many pictures in a row.
   double floor_tilt_deg = 20;    ///< From the floor: an answer must be confirmed, too,
   double floor_height_m = 1;     ///< not tilted more, not higher above the pad.
@@ -138,6 +140,7 @@ class RelativeEstimator {
   LedResolver resolver_;
   RelativeFilter filter_;
   RivalPoses rivals_;
+  double usual_rms_px_ = 0;        // of five LEDs and more; 0: not known
   std::uint64_t fingerprint_ = 0;  // of the last picture
   int alike_ = 0;                  // pictures in a row with it
   Time last_frame_ = INT64_MIN;

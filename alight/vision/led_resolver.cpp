@@ -15,6 +15,7 @@ constexpr double kDark = 0.08;         // share of the brightest that is no ligh
 constexpr double kVagueSd = 3;         // px; an LED less well placed is not seen
 constexpr double kForeignReach = 40;   // px
 constexpr double kDimLeast = 12;       // grey levels of an LED that has no blob
+constexpr std::size_t kSureLeds = 3;   // with blobs of their own, before dim ones count
 constexpr double kGoodChi2 = 3;        // per pixel; a worse fit is tried again
 constexpr double kStrangerReach = 15;  // px around the constellation
 constexpr double kNoiseLeast = 0.1, kNoiseMost = 4;    // of chi2 per pixel
@@ -260,6 +261,7 @@ void LedResolver::resolve(const ImageView& image, BlobSpan blobs,
     return out;
   };
   LedFrame out = collect();
+  const bool sure = out.seen.size() >= kSureLeds;  // all of them have blobs so far
   if (!all && out.seen.size() >= 2) {
     const auto pose = refine_pose(camera_, leds_, {out.seen.data(), out.seen.size()},
                                   detail.X_NB_predicted, &detail.prior_information, 6);
@@ -267,7 +269,7 @@ void LedResolver::resolve(const ImageView& image, BlobSpan blobs,
       const LedImages again = led_images(camera_, leds_, pose->X_NB);
       for (Patch& patch : patches) {
         if (patch.fit && patch.fit->chi2_per_pixel < kGoodChi2) continue;
-        if (patch.area_px == 0 && patch.members.size() > 1) continue;
+        if (patch.area_px == 0 && (patch.members.size() > 1 || !sure)) continue;
         fit(image, blobs, match, again, blur_px, patch);
       }
       out = collect();
