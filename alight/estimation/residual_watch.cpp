@@ -15,7 +15,7 @@ void ResidualWatch::add(std::span<const Residual> residuals) {
     const auto i = static_cast<std::size_t>(r.led);
     seen_[i] = std::min(seen_[i] + 1, kMemory);
     const Vector2 d_m = r.m_per_px * r.px;
-    // Against the mean of the others, which this picture has not moved.
+    // Against the mean of the pictures before this one.
     const Vector2 off_m = d_m - mean_m_[i];
     if (seen_[i] > 1) {
       const double fresh = 1 - 1 / seen_[i];

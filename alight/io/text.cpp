@@ -50,6 +50,14 @@ std::string nearest_key(std::string_view word, const std::vector<std::string>& k
   return best ? *best : std::string();
 }
 
+std::string not_one_of(std::string_view word, const std::vector<std::string>& known) {
+  std::string what = quoted(word) + " is not one of";
+  for (const std::string& w : known) what += " " + w;
+  const std::string near = nearest_key(word, known);
+  if (!near.empty()) what += "; did you mean " + quoted(near) + "?";
+  return what;
+}
+
 std::string number_text(double value) {
   if (std::isnan(value)) return ".nan";
   if (std::isinf(value)) return value > 0 ? ".inf" : "-.inf";

@@ -9,6 +9,9 @@ namespace alight {
 /// of neighbours); empty when none is close enough to be a slip of the keyboard.
 std::string nearest_key(std::string_view word, const std::vector<std::string>& known);
 
+/// "'WORD' is not one of A B C; did you mean 'B'?", the last part where one is close.
+std::string not_one_of(std::string_view word, const std::vector<std::string>& known);
+
 /// Shortest decimal that reads back as the same double: 0.1, 415.872, 1e-09.
 std::string number_text(double value);
 

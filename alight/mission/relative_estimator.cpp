@@ -183,7 +183,8 @@ bool RelativeEstimator::follow(const CameraFrame& frame, FrameReport& out,
     return false;
   }
   out.blobs = static_cast<int>(blobs->size());
-  const auto blur = image_motion(X_NB);
+  FixedVector<Vector2, kMaxLeds> blur;
+  if (config_.tell_apart) blur = image_motion(X_NB);
   if (config_.tell_apart && misses_ == 0) {
     std::optional<LedFrame> leds;
     {

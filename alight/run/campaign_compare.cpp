@@ -3,13 +3,12 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdarg>
-#include <cstdio>
 #include <filesystem>
 #include <functional>
 #include <limits>
 #include <map>
 
+#include "alight/run/append_format.h"
 #include "alight/run/campaign_store.h"
 
 namespace alight {
@@ -151,15 +150,6 @@ CampaignComparison compare_scenario(const std::string& name,
   return c;
 }
 
-[[gnu::format(printf, 2, 3)]] void add(std::string& text, const char* format, ...) {
-  char line[512];
-  va_list arguments;
-  va_start(arguments, format);
-  std::vsnprintf(line, sizeof line, format, arguments);
-  va_end(arguments);
-  text += line;
-}
-
 }  // namespace
 
 PairedShare paired_share(int both, int only_a, int only_b, int neither) {
@@ -214,11 +204,12 @@ std::string comparison_text(const std::vector<CampaignComparison>& comparisons) 
   std::string text;
   for (const CampaignComparison& c : comparisons) {
     const PairedShare& l = c.landed;
-    add(text, "%s: %d pairs", c.scenario.c_str(), l.pairs());
+    append_format(text, "%s: %d pairs", c.scenario.c_str(), l.pairs());
     if (c.alone_a + c.alone_b > 0) {
-      add(text, "; %d of A and %d of B have no twin", c.alone_a, c.alone_b);
+      append_format(text, "; %d of A and %d of B have no twin", c.alone_a, c.alone_b);
     }
-    add(text,
+    append_format(
+        text,
         "\n  landed                   A %d, B %d; only A %d, only B %d: B - A = %+.2f "
         "%% "
         "(95 %%: %+.2f to %+.2f), McNemar p = %.3g\n",
@@ -226,12 +217,13 @@ std::string comparison_text(const std::vector<CampaignComparison>& comparisons) 
         100 * l.interval.low, 100 * l.interval.high, l.p);
     for (const PairedFigure& f : c.figures) {
       if (f.pairs == 0) continue;
-      add(text, "  %-24s A %.4g, B %.4g; B - A = %+.3g", f.name.c_str(), f.median_a,
-          f.median_b, f.difference);
+      append_format(text, "  %-24s A %.4g, B %.4g; B - A = %+.3g", f.name.c_str(),
+                    f.median_a, f.median_b, f.difference);
       if (std::isnan(f.interval.low)) {
         text += " (too few pairs for an interval)\n";
       } else {
-        add(text, " (95 %%: %+.3g to %+.3g)\n", f.interval.low, f.interval.high);
+        append_format(text, " (95 %%: %+.3g to %+.3g)\n", f.interval.low,
+                      f.interval.high);
       }
     }
   }

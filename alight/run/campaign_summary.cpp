@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdarg>
-#include <cstdio>
 #include <limits>
+
+#include "alight/run/append_format.h"
 
 namespace alight {
 namespace {
@@ -12,16 +12,6 @@ namespace {
 Spread spread(const std::vector<double>& values) {
   return {percentile(values, 0.5), percentile(values, 0.95), percentile(values, 0),
           percentile(values, 1)};
-}
-
-/// printf onto the end of a text.
-[[gnu::format(printf, 2, 3)]] void add(std::string& text, const char* format, ...) {
-  char line[512];
-  va_list arguments;
-  va_start(arguments, format);
-  std::vsnprintf(line, sizeof line, format, arguments);
-  va_end(arguments);
-  text += line;
 }
 
 CampaignSummary summarize(const std::string& name,
@@ -102,32 +92,36 @@ std::vector<CampaignSummary> summarize(const CampaignOptions& options,
 
 std::string summary_text(const CampaignSummary& s) {
   std::string text;
-  add(text, "%s\n", s.scenario.c_str());
-  add(text, "  landed       %d/%d, %.1f %% (95 %%: %.1f to %.1f)", s.landed, s.runs,
-      s.runs > 0 ? 100.0 * s.landed / s.runs : 0, 100 * s.landed_interval.low,
-      100 * s.landed_interval.high);
+  append_format(text, "%s\n", s.scenario.c_str());
+  append_format(text, "  landed       %d/%d, %.1f %% (95 %%: %.1f to %.1f)", s.landed,
+                s.runs, s.runs > 0 ? 100.0 * s.landed / s.runs : 0,
+                100 * s.landed_interval.low, 100 * s.landed_interval.high);
   for (const auto& [outcome, count] : s.outcomes) {
-    if (outcome != "landed") add(text, ", %s %d", outcome.c_str(), count);
+    if (outcome != "landed") append_format(text, ", %s %d", outcome.c_str(), count);
   }
-  add(text, "; attempts %.2f\n", s.attempts_mean);
-  add(text,
+  append_format(text, "; attempts %.2f\n", s.attempts_mean);
+  append_format(
+      text,
       "  touch-down   error p50 %.1f p95 %.1f max %.1f cm, speed p95 %.2f m/s, tilt "
       "p95 "
       "%.1f deg, after %.1f s\n",
       100 * s.touchdown_error_m.p50, 100 * s.touchdown_error_m.p95,
       100 * s.touchdown_error_m.max, s.relative_speed_m_s.p95, s.tilt_deg.p95,
       s.touchdown_t_s.p50);
-  add(text, "  tracking     RMSE p50 %.3f p95 %.3f m; following p50 %.3f p95 %.3f m\n",
+  append_format(
+      text, "  tracking     RMSE p50 %.3f p95 %.3f m; following p50 %.3f p95 %.3f m\n",
       s.tracking_rmse_m.p50, s.tracking_rmse_m.p95, s.follow_rmse_m.p50,
       s.follow_rmse_m.p95);
-  add(text,
+  append_format(
+      text,
       "  estimate     RMSE p50 %.4f m (p95 %.4f), %.2f deg (p95 %.2f), %.3f m/s; "
       "tracked "
       "p50 %.2f min %.2f %%; NEES p50 %.1f\n",
       s.position_rmse_m.p50, s.position_rmse_m.p95, s.rotation_rmse_deg.p50,
       s.rotation_rmse_deg.p95, s.velocity_rmse_m_s.p50, 100 * s.tracked_fraction.p50,
       100 * s.tracked_fraction.min, s.nees_mean.p50);
-  add(text, "  simulation   %.1f times real time (p50 of one landing on its thread)\n",
+  append_format(
+      text, "  simulation   %.1f times real time (p50 of one landing on its thread)\n",
       s.realtime_factor.p50);
   return text;
 }

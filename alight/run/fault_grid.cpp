@@ -39,14 +39,6 @@ std::vector<std::string> outcome_names() {
   return names;
 }
 
-std::string not_known(const std::string& word, const std::vector<std::string>& all) {
-  std::string what = alight::quoted(word) + " is not one of";
-  for (const std::string& w : all) what += " " + w;
-  const std::string near = nearest_key(word, all);
-  if (!near.empty()) what += "; did you mean " + alight::quoted(near) + "?";
-  return what;
-}
-
 FaultCase read_case(YamlMap& map) {
   FaultCase one;
   map.require("name");
@@ -57,7 +49,7 @@ FaultCase read_case(YamlMap& map) {
   if (const auto known = fault_kind(kind)) {
     one.fault.kind = *known;
   } else {
-    map.complain("kind", not_known(kind, kind_names()));
+    map.complain("kind", not_one_of(kind, kind_names()));
   }
   map.read("for_s", one.fault.for_s);
   for (const FaultParameter& p : fault_parameters(one.fault.kind)) {
@@ -70,7 +62,7 @@ FaultCase read_case(YamlMap& map) {
     if (const auto outcome = outcome_of(std::string(word))) {
       one.ends.push_back(*outcome);
     } else {
-      map.complain("ends", not_known(std::string(word), outcome_names()));
+      map.complain("ends", not_one_of(std::string(word), outcome_names()));
     }
   }
   return one;

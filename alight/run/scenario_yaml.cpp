@@ -148,11 +148,7 @@ class Reader {
       }
       words.emplace_back(to_string(e));
     }
-    const std::string near = nearest_key(word, words);
-    std::string what = alight::quoted(word) + " is not one of";
-    for (const std::string& w : words) what += " " + w;
-    if (!near.empty()) what += "; did you mean " + alight::quoted(near) + "?";
-    map_.complain(key, what);
+    map_.complain(key, not_one_of(word, words));
   }
   YamlMap map_;
 };

@@ -145,7 +145,7 @@ std::optional<SpotFit> fit(const Pixels& pixels, std::span<const Vector2> starts
   out.count = K;
   Matrix A;
   Vector g;
-  // By parameter and pixel: derivative, and that times the weight.
+  // Derivative by parameter and pixel; residual, weight, and a row of J or r times it.
   alignas(16) float J[kN][kPixelsMax];
   alignas(16) float r[kPixelsMax], weight[kPixelsMax], wJ[kPixelsMax];
   const int padded = pixels.padded;

@@ -83,9 +83,27 @@ struct Start {
   bool wrong = false;
 };
 
-Start start(Hall& hall, LedFinder& finder, const LedTracker& tracker,
-            RivalPoses& rivals, double until_s) {
+/// Finder, tracker and rivals of a rig whose LEDs are of one colour.
+struct Watcher {
+  Rig rig = one_color();
+  LedFinder finder = LedFinder::create({}, rig.camera, rig.leds).value();
+  LedTracker tracker = LedTracker::create({}, rig.camera, rig.leds).value();
+  RelativeFilter filter =
+      RelativeFilter::create(RelativeFilterConfig::camera_only(), rig.camera, rig.leds)
+          .value();
+  RivalPoses rivals{{}, rig.camera, filter};
+
+  static Rig one_color() {
+    Rig rig = alan_rig();
+    for (Led& led : rig.leds.leds) led.color = LedColor::none;
+    return rig;
+  }
+};
+
+Start start(Hall& hall, Watcher& watcher, double until_s) {
   const NoMotion motion;
+  LedFinder& finder = watcher.finder;
+  RivalPoses& rivals = watcher.rivals;
   rivals.clear();
   for (int k = 0; k / 60.0 <= until_s; ++k) {
     const double s = k / 60.0;
@@ -93,7 +111,7 @@ Start start(Hall& hall, LedFinder& finder, const LedTracker& tracker,
     const auto blobs = hall.picture(s);
     auto found = finder.find(blobs, t);
     if (!found) {
-      found = rivals.decide(blobs, t, finder.left_open(), tracker, motion,
+      found = rivals.decide(blobs, t, finder.left_open(), watcher.tracker, motion,
                             from_seconds(0.005));
     }
     if (!found) continue;
@@ -114,18 +132,11 @@ class RivalPosesMany : public testing::TestWithParam<Case> {};
 
 TEST_P(RivalPosesMany, OneIsLeftWithinHalfASecondAndItIsRight) {
   const Case c = GetParam();
-  Rig rig = alan_rig();
-  for (Led& led : rig.leds.leds) led.color = LedColor::none;
-  auto finder = LedFinder::create({}, rig.camera, rig.leds);
-  const auto tracker = LedTracker::create({}, rig.camera, rig.leds);
-  const auto filter =
-      RelativeFilter::create(RelativeFilterConfig::camera_only(), rig.camera, rig.leds);
-  ASSERT_TRUE(finder && tracker && filter);
-  RivalPoses rivals({}, rig.camera, *filter);
+  Watcher watcher;
   int started = 0;
   for (int seed = 0; seed < c.seeds; ++seed) {
-    Hall hall(rig, c.dark, c.lamps, static_cast<unsigned>(seed));
-    const Start s = start(hall, *finder, *tracker, rivals, 0.5);
+    Hall hall(watcher.rig, c.dark, c.lamps, static_cast<unsigned>(seed));
+    const Start s = start(hall, watcher, 0.5);
     started += s.after_s >= 0;
     if (s.wrong) ADD_FAILURE() << "seed " << seed << " after " << s.after_s << " s";
   }
@@ -140,17 +151,10 @@ INSTANTIATE_TEST_SUITE_P(Cases, RivalPosesMany,
 
 /// Lamps that do not move are never taken for a drone, however long one looks.
 TEST(RivalPoses, LampsAloneAreNoDrone) {
-  Rig rig = alan_rig();
-  for (Led& led : rig.leds.leds) led.color = LedColor::none;
-  auto finder = LedFinder::create({}, rig.camera, rig.leds);
-  const auto tracker = LedTracker::create({}, rig.camera, rig.leds);
-  const auto filter =
-      RelativeFilter::create(RelativeFilterConfig::camera_only(), rig.camera, rig.leds);
-  ASSERT_TRUE(finder && tracker && filter);
-  RivalPoses rivals({}, rig.camera, *filter);
+  Watcher watcher;
   for (unsigned seed = 0; seed < 3; ++seed) {
-    Hall hall(rig, 6, 20 + 5 * static_cast<int>(seed), seed);
-    EXPECT_LT(start(hall, *finder, *tracker, rivals, 0.4).after_s, 0) << seed;
+    Hall hall(watcher.rig, 6, 20 + 5 * static_cast<int>(seed), seed);
+    EXPECT_LT(start(hall, watcher, 0.4).after_s, 0) << seed;
   }
 }
 

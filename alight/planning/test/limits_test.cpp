@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "alight/base/rng.h"
+#include "alight/planning/test/bezier_state.h"
 
 namespace alight {
 namespace {
@@ -16,16 +17,6 @@ Vector3 value(const MotionPoints& c, double u) {
     }
   }
   return b.row(0);
-}
-
-FlatState state_at(const ControlPoints& c, double u, Seconds T) {
-  std::array<Vector3, kControlPoints> p;
-  for (int k = 0; k < kControlPoints; ++k) {
-    p[static_cast<std::size_t>(k)] = c.row(k).transpose();
-  }
-  FlatState state;
-  evaluate_bezier(p, u, T, state);
-  return state;
 }
 
 TEST(LimitPolyhedron, LiesInTheBallAndFillsMostOfIt) {
@@ -66,7 +57,7 @@ TEST(DynamicLimits, CurvesAreTheMotionSeenFromI) {
     const MotionCurves curves =
         motion_curves(rows, segment_frames(rows, {T, T})[0], c, T);
     const double u = rng.uniform();
-    const FlatState at = state_at(c, u, T);
+    const FlatState at = test::bezier_state(c, u, T);
     EXPECT_LT(
         (value(curves.v, u) - inertial_velocity_N(platform, at.p_NB, at.v_NB)).norm(),
         1e-10);

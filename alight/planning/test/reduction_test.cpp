@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "alight/base/rng.h"
+#include "alight/planning/test/bezier_state.h"
 
 namespace alight {
 namespace {
@@ -29,16 +30,6 @@ struct Sample {
   }
 };
 
-FlatState at(const ControlPoints& c, double u, double T) {
-  std::array<Vector3, kControlPoints> points;
-  for (int i = 0; i < kControlPoints; ++i) {
-    points[static_cast<std::size_t>(i)] = c.row(i).transpose();
-  }
-  FlatState state;
-  evaluate_bezier(points, u, T, state);
-  return state;
-}
-
 void expect_same(const FlatState& a, const FlatState& b) {
   EXPECT_LT((a.p_NB - b.p_NB).norm(), 1e-12);
   EXPECT_LT((a.v_NB - b.v_NB).norm(), 1e-10);
@@ -52,9 +43,9 @@ TEST_P(ReductionProperty, EveryXMeetsStartEndAndContinuity) {
   const Reduction r(s.start, s.end, s.T);
   const ControlPoints c = r.points(0, s.x);
   const ControlPoints d = r.points(1, s.x);
-  expect_same(at(c, 0, s.T[0]), s.start);
-  expect_same(at(d, 1, s.T[1]), s.end);
-  expect_same(at(c, 1, s.T[0]), at(d, 0, s.T[1]));
+  expect_same(test::bezier_state(c, 0, s.T[0]), s.start);
+  expect_same(test::bezier_state(d, 1, s.T[1]), s.end);
+  expect_same(test::bezier_state(c, 1, s.T[0]), test::bezier_state(d, 0, s.T[1]));
 }
 
 TEST_P(ReductionProperty, QuadraticFormIsTheJerkCost) {
