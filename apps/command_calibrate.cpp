@@ -8,6 +8,7 @@
 #include "alight/run/calibrate_run.h"
 #include "checks.h"
 #include "command.h"
+#include "rig_option.h"
 
 using namespace alight;
 
@@ -218,7 +219,7 @@ Result<void> conclude(const Files& files, const Options& options,
 
 Result<void> calibrate(const FlightSettings& settings) {
   CalibrateFlightOptions options;
-  auto rig = load_rig(settings.rig);
+  auto rig = load_seen_rig(settings.rig, "calibrate");
   if (!rig) return fail(rig.error());
   options.rig = *rig;
   options.source = settings.source;
@@ -256,7 +257,8 @@ Result<void> calibrate(const LensSettings& settings) {
 
 Result<void> calibrate(const MountSettings& settings) {
   CalibrateMountOptions options;
-  auto rig = load_rig(settings.rig);
+  auto rig = settings.parked ? load_seen_rig(settings.rig, "calibrate")
+                             : load_rig(settings.rig);
   if (!rig) return fail(rig.error());
   options.rig = *rig;
   options.sources = settings.sources;

@@ -10,7 +10,6 @@
 #include <set>
 
 #include "alight/io/files.h"
-#include "alight/io/rig_yaml.h"
 #include "alight/io/text.h"
 #include "alight/run/campaign.h"
 #include "alight/run/campaign_compare.h"
@@ -22,6 +21,7 @@
 #include "checks.h"
 #include "command.h"
 #include "json.h"
+#include "rig_option.h"
 
 using namespace alight;
 
@@ -91,7 +91,7 @@ Result<CampaignOptions> options_of(const Settings& settings) {
   CampaignOptions options;
   options.rig = alan_rig();
   if (!settings.rig.empty()) {
-    auto rig = load_rig(settings.rig);
+    auto rig = load_seen_rig(settings.rig, "campaign");
     if (!rig) return fail(rig.error());
     options.rig = *rig;
   }

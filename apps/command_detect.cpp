@@ -5,11 +5,11 @@
 
 #include "alight/io/files.h"
 #include "alight/io/plot.h"
-#include "alight/io/rig_yaml.h"
 #include "alight/vision/led_finder.h"
 #include "checks.h"
 #include "command.h"
 #include "json.h"
+#include "rig_option.h"
 
 using namespace alight;
 
@@ -122,7 +122,7 @@ struct Seen {
 };
 
 Result<std::vector<Seen>> detect_all(const Options& options) {
-  const auto rig = load_rig(options.rig);
+  const auto rig = load_seen_rig(options.rig, "detect");
   if (!rig) return fail(rig.error());
   const Intrinsics& lens = rig->camera.intrinsics;
   std::vector<Seen> all;

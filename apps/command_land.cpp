@@ -2,13 +2,13 @@
 #include <iostream>
 
 #include "alight/io/files.h"
-#include "alight/io/rig_yaml.h"
 #include "alight/run/frame_recorder.h"
 #include "alight/run/landing_run.h"
 #include "alight/run/run_record.h"
 #include "alight/run/scenario_yaml.h"
 #include "checks.h"
 #include "command.h"
+#include "rig_option.h"
 
 namespace {
 
@@ -47,7 +47,7 @@ Result<void> land(const LandSettings& settings) {
   LandingRunOptions options;
   options.rig = alan_rig();
   if (!settings.rig.empty()) {
-    auto rig = load_rig(settings.rig);
+    auto rig = load_seen_rig(settings.rig, "land");
     if (!rig) return fail(rig.error());
     options.rig = *rig;
   }

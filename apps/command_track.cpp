@@ -7,6 +7,7 @@
 #include "alight/run/track_run.h"
 #include "checks.h"
 #include "command.h"
+#include "rig_option.h"
 
 using namespace alight;
 
@@ -42,11 +43,13 @@ void print(const Settings& settings, const TrackRunResult& result) {
 
 Result<void> track(const Settings& settings) {
   TrackRunOptions options;
-  auto rig = load_rig(settings.rig);
+  const TrackMethod method = *track_method(settings.method);
+  const bool by_tag = method == TrackMethod::aruco || method == TrackMethod::apriltag;
+  auto rig = by_tag ? load_rig(settings.rig) : load_seen_rig(settings.rig, "track");
   if (!rig) return fail(rig.error());
   options.rig = *rig;
   options.source = settings.source;
-  options.tracker.method = *track_method(settings.method);
+  options.tracker.method = method;
   options.tracker.profile =
       settings.profile == "paper" ? Profile::paper : Profile::standard;
   options.tracker.parked_s = settings.parked_s;

@@ -6,12 +6,16 @@ target_compile_features(alight_options INTERFACE cxx_std_20)
 target_include_directories(alight_options INTERFACE
   $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}> $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>)
 # gcc 12 sees overlapping copies inside std::string that are not there (GCC bug 105651).
-set(ALIGHT_WARNINGS -Wno-restrict -Wall -Wextra -Wshadow -Wconversion -Werror)
+set(ALIGHT_WARNINGS $<$<CXX_COMPILER_ID:GNU>:-Wno-restrict> -Wall -Wextra -Wshadow -Wconversion -Werror)
 # Same input, same bits: no contraction into fused operations, no fast-math.
 set(ALIGHT_FLAGS -ffp-contract=off)
 if(ALIGHT_SANITIZE)
-  list(APPEND ALIGHT_FLAGS -fsanitize=address,undefined -fno-sanitize-recover=undefined -fno-omit-frame-pointer)
-  target_link_options(alight_options INTERFACE $<BUILD_INTERFACE:-fsanitize=address,undefined>)
+  list(APPEND ALIGHT_FLAGS -fsanitize=${ALIGHT_SANITIZE} -fno-sanitize-recover=all
+    -fno-omit-frame-pointer -D_GLIBCXX_ASSERTIONS)
+  target_link_options(alight_options INTERFACE $<BUILD_INTERFACE:-fsanitize=${ALIGHT_SANITIZE}>)
+endif()
+if(ALIGHT_FUZZ)
+  list(APPEND ALIGHT_FLAGS -fsanitize=fuzzer-no-link)
 endif()
 
 # alight_module(NAME [PUBLIC targets...] [PRIVATE targets...])

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cctype>
-#include <cmath>
 #include <filesystem>
 #include <opencv2/core/utils/logger.hpp>
 #include <opencv2/videoio.hpp>
@@ -145,11 +144,9 @@ Result<std::vector<Entry>> read_list(const std::string& folder) {
     if (!parse_number(field(t_column), t)) {
       return wrong("t must be a finite number, found " + quoted(field(t_column)));
     }
-    // Nanoseconds that fit 64 bits.
-    if (std::abs(t) > 9e9) {
+    if (!parse_time(field(t_column), entry.t)) {
       return wrong("t must be in seconds, found " + quoted(field(t_column)));
     }
-    entry.t = from_seconds(t);
     if (!entries.empty() && entry.t <= entries.back().t) {
       return wrong("t must grow from line to line, found " +
                    std::string(field(t_column)) + " after " +

@@ -1,6 +1,5 @@
 #include "alight/io/pose_log.h"
 
-#include <cmath>
 #include <cstdio>
 
 #include "alight/io/files.h"
@@ -44,37 +43,30 @@ std::vector<std::string_view> words(std::string_view line) {
   return result;
 }
 
-/// Decimal seconds to ns without going through double, so that times since 1970 keep
-/// their last digits.
-bool parse_time(std::string_view text, Time& t) {
-  const std::size_t point = text.find('.');
-  const std::string_view whole = text.substr(0, point);
-  const bool plain = text.find_first_not_of("0123456789.") == std::string_view::npos &&
-                     !whole.empty() && whole.size() <= 10;
-  if (plain) {
-    std::string_view part =
-        point == std::string_view::npos ? std::string_view() : text.substr(point + 1);
-    if (part.find('.') != std::string_view::npos) return false;
-    t = 0;
-    for (const char c : whole) t = t * 10 + (c - '0');
-    for (std::size_t i = 0; i < 9; ++i)
-      t = t * 10 + (i < part.size() ? part[i] - '0' : 0);
-    if (part.size() > 9 && part[9] >= '5') ++t;
-    return true;
+/// The fields as numbers; field `time` in ns, too.
+Result<void> parse_fields(const Lines& lines,
+                          const std::vector<std::string_view>& fields, std::size_t time,
+                          std::vector<double>& numbers, Time& t) {
+  numbers.resize(fields.size());
+  for (std::size_t i = 0; i < fields.size(); ++i) {
+    if (!parse_number(trimmed(fields[i]), numbers[i])) {
+      return lines.wrong(quoted(trimmed(fields[i])) + " is not a finite number");
+    }
   }
-  double seconds = 0;
-  if (!parse_number(text, seconds) || std::abs(seconds) > 9e9) return false;
-  t = from_seconds(seconds);
-  return true;
+  if (parse_time(trimmed(fields[time]), t)) return {};
+  return lines.wrong(quoted(trimmed(fields[time])) + " is not a time in seconds");
 }
 
-bool parse_all(const std::vector<std::string_view>& fields,
-               std::vector<double>& numbers, std::size_t& bad) {
-  numbers.resize(fields.size());
-  for (bad = 0; bad < fields.size(); ++bad) {
-    if (!parse_number(trimmed(fields[bad]), numbers[bad])) return false;
+/// Larger numbers overflow where positions are squared.
+constexpr double kFarthest_m = 1e9;
+
+Result<void> put(const Lines& lines, Time t, const Matrix3& R, const Vector3& p,
+                 PoseLog& log) {
+  if (p.cwiseAbs().maxCoeff() > kFarthest_m) {
+    return lines.wrong("the position is more than 1e9 m away");
   }
-  return true;
+  log.emplace_back(t, make_pose(R, p));
+  return {};
 }
 
 Result<PoseLog> parse_tum(const std::string& path, std::string_view text) {
@@ -90,18 +82,20 @@ Result<PoseLog> parse_tum(const std::string& path, std::string_view text) {
       return lines.wrong("found " + std::to_string(fields.size()) +
                          " fields, a TUM line has 8: t tx ty tz qx qy qz qw");
     }
-    std::size_t bad = 0;
     Time t = 0;
-    if (!parse_all(fields, v, bad) || !parse_time(fields[0], t)) {
-      return lines.wrong(quoted(fields[bad < 8 ? bad : 0]) + " is not a finite number");
+    if (auto good = parse_fields(lines, fields, 0, v, t); !good) {
+      return fail(good.error());
     }
-    Eigen::Quaterniond q(v[7], v[4], v[5], v[6]);
+    const Eigen::Quaterniond q(v[7], v[4], v[5], v[6]);
     if (q.norm() < 1e-3) return lines.wrong("the quaternion is zero");
+    if (q.norm() > 1e3) return lines.wrong("the quaternion is far from one of norm 1");
     if (!log.empty() && t <= log.back().first) {
       return lines.wrong("time does not advance");
     }
-    log.emplace_back(t,
-                     make_pose(q.normalized().toRotationMatrix(), {v[1], v[2], v[3]}));
+    const Matrix3 R = q.normalized().toRotationMatrix();
+    if (auto good = put(lines, t, R, {v[1], v[2], v[3]}, log); !good) {
+      return fail(good.error());
+    }
   }
   if (log.empty()) return fail(Fault::invalid_input, path + ": holds no poses");
   return log;
@@ -140,17 +134,18 @@ Result<RunLog> parse_authors(const std::string& path, std::string_view text) {
       return lines.wrong("found " + std::to_string(fields.size()) +
                          " fields, the header has " + std::to_string(layout->columns));
     }
-    std::size_t bad = 0;
-    if (!parse_all(fields, v, bad)) {
-      return lines.wrong(quoted(fields[bad]) + " is not a finite number");
+    Time t = 0;
+    if (auto good = parse_fields(lines, fields, fields.size() - 1, v, t); !good) {
+      return fail(good.error());
     }
-    const Time t = from_seconds(v.back());
     if (!log.poses.empty() && t < log.poses.back().first) {
       return lines.wrong("time runs backwards");
     }
     const std::size_t r = layout->roll;
-    log.poses.emplace_back(
-        t, make_pose(from_rpy(v[r], v[r + 1], v[r + 2]), {v[0], v[1], v[2]}));
+    const Matrix3 R = from_rpy(v[r], v[r + 1], v[r + 2]);
+    if (auto good = put(lines, t, R, {v[0], v[1], v[2]}, log.poses); !good) {
+      return fail(good.error());
+    }
     log.frame_ms.push_back(1e3 * v[r + 4]);
   }
   if (log.poses.empty()) return fail(Fault::invalid_input, path + ": holds no poses");
@@ -176,15 +171,17 @@ Result<PoseLog> parse_drive_table(const std::string& name, std::string_view text
       return lines.wrong("found " + std::to_string(fields.size()) +
                          " fields, the header has 5");
     }
-    std::size_t bad = 0;
     Time t = 0;
-    if (!parse_all(fields, v, bad) || !parse_time(trimmed(fields[0]), t)) {
-      return lines.wrong(quoted(fields[bad < 5 ? bad : 0]) + " is not a finite number");
+    if (auto good = parse_fields(lines, fields, 0, v, t); !good) {
+      return fail(good.error());
     }
     if (!log.empty() && t <= log.back().first) {
       return lines.wrong("time does not advance");
     }
-    log.emplace_back(t, make_pose(from_rpy(0, 0, v[4] * kDegree), {v[1], v[2], v[3]}));
+    const Matrix3 R = from_rpy(0, 0, v[4] * kDegree);
+    if (auto good = put(lines, t, R, {v[1], v[2], v[3]}, log); !good) {
+      return fail(good.error());
+    }
   }
   if (log.empty()) return fail(Fault::invalid_input, name + ": holds no poses");
   return log;

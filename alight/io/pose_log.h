@@ -9,8 +9,8 @@
 namespace alight {
 
 /// TUM file: `t tx ty tz qx qy qz qw` a line, '#' begins a comment. Quaternions are
-/// normalized; one of norm 0 is an error, as are NaN, a wrong number of fields and time
-/// that does not advance.
+/// normalized; one of norm 0 is an error, as are NaN, a wrong number of fields, time
+/// that does not advance and what cannot be in s and m (parse_time; 1e9 m).
 Result<PoseLog> load_tum(const std::string& path);
 
 /// Nine digits of time, so that it reads back to the nanosecond.

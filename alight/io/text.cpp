@@ -76,6 +76,28 @@ bool parse_number(std::string_view text, double& value) {
   return true;
 }
 
+bool parse_time(std::string_view text, Time& t) {
+  constexpr double kLatest_s = 4e9;
+  double seconds = 0;
+  if (!parse_number(text, seconds) || std::abs(seconds) > kLatest_s) return false;
+  const std::size_t point = text.find('.');
+  const std::string_view whole = text.substr(0, point);
+  const bool plain =
+      !whole.empty() && text.find_first_not_of("0123456789.") == std::string_view::npos;
+  if (!plain || whole.size() > 10) {  // signs, exponents, zeros in front
+    t = from_seconds(seconds);
+    return true;
+  }
+  const std::string_view part =
+      point == std::string_view::npos ? std::string_view() : text.substr(point + 1);
+  t = 0;
+  for (const char c : whole) t = t * 10 + (c - '0');
+  for (std::size_t i = 0; i < 9; ++i)
+    t = t * 10 + (i < part.size() ? part[i] - '0' : 0);
+  if (part.size() > 9 && part[9] >= '5') ++t;
+  return true;
+}
+
 std::string quoted(std::string_view text) {
   // Appended, as gcc 12 sees an overlap in operator+ that is not there.
   std::string result(1, '\'');

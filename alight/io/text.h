@@ -3,6 +3,8 @@
 #include <string_view>
 #include <vector>
 
+#include "alight/base/time.h"
+
 namespace alight {
 
 /// The word of `known` with the fewest edits from `word` (insert, delete, replace, swap
@@ -17,6 +19,11 @@ std::string number_text(double value);
 
 /// The whole of `text` as a finite number; false for anything else ("1.2x", "nan", "").
 bool parse_number(std::string_view text, double& value);
+
+/// Decimal seconds to the nearest nanosecond, digit by digit, so that times since 1970
+/// keep their last ones. False for what is no number, and beyond 4e9 s either way:
+/// differences of times then still fit, and a stamp in ms or us is told.
+bool parse_time(std::string_view text, Time& t);
 
 /// 'text'
 std::string quoted(std::string_view text);

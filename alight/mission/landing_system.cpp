@@ -16,8 +16,27 @@ constexpr double kHeadingJump = 15 * kDegree;
 constexpr int kHeadingJumpSeen = 3;
 constexpr Time kFuture = 5'000'000;  // ns; clocks agree no better than this
 
-bool finite(const PlatformOdometry& o) {
-  return o.X_IN.matrix().allFinite() && o.v_IN_N.allFinite() && o.w_IN_N.allFinite();
+// What no platform or drone that is landed on does: a number beyond is a broken
+// message, and squared somewhere it would no longer be one.
+constexpr double kFarthest = 1e6;     // m
+constexpr double kFastest = 100;      // m/s
+constexpr double kFastestTurn = 100;  // rad/s
+constexpr double kStrongest = 1e3;    // m/s^2
+
+bool within(const Vector3& v, double most) {
+  return (v.array().abs() <= most).all();  // false for NaN, unlike the largest of them
+}
+
+bool sane(const PlatformOdometry& o) {
+  return within(o.X_IN.translation(), kFarthest) && o.X_IN.linear().allFinite() &&
+         within(o.v_IN_N, kFastest) && within(o.w_IN_N, kFastestTurn);
+}
+bool sane(const PlatformImu& i) {
+  return within(i.f_N, kStrongest) && within(i.w_IN_N, kFastestTurn);
+}
+bool sane(const AutopilotTelemetry& t) {
+  return t.q_IB.coeffs().allFinite() && std::abs(t.q_IB.norm() - 1) < 1e-3 &&
+         within(t.w_IB_B, kFastestTurn) && std::isfinite(t.battery);
 }
 
 }  // namespace
@@ -131,7 +150,8 @@ void LandingSystem::Parts::learn_rest(const AutopilotTelemetry& t) {
 void LandingSystem::Parts::take(const Event& event, Time now, Output& out,
                                 Probe* probe) {
   const auto timely = [&](Time captured) {
-    return to_seconds(now - captured) <= config.event_age_max_s &&
+    // Not by their difference, which overflows for times that are wrong enough.
+    return captured >= now - from_seconds(config.event_age_max_s) &&
            captured <= now + kFuture;
   };
   bool good = true;
@@ -146,18 +166,16 @@ void LandingSystem::Parts::take(const Event& event, Time now, Output& out,
       out.trace.frames.push_back(report);
     }
   } else if (const auto* odometry = std::get_if<PlatformOdometry>(&event)) {
-    good = timely(odometry->captured) && finite(*odometry) && platform.add(*odometry);
+    good = timely(odometry->captured) && sane(*odometry) && platform.add(*odometry);
   } else if (const auto* imu = std::get_if<PlatformImu>(&event)) {
-    good = timely(imu->captured) && platform.add(*imu);
+    good = timely(imu->captured) && sane(*imu) && platform.add(*imu);
   } else if (const auto* t = std::get_if<AutopilotTelemetry>(&event)) {
-    good = timely(t->captured) && t->q_IB.coeffs().allFinite() &&
-           t->w_IB_B.allFinite() && std::abs(t->q_IB.norm() - 1) < 1e-3 &&
-           std::isfinite(t->battery) &&
+    good = timely(t->captured) && sane(*t) &&
            (!telemetry_heard || t->captured > telemetry.captured);
     if (good) {
       telemetry_heard = true;
       telemetry = *t;
-      link.heard(t->received);
+      link.heard(std::min(t->received, now));  // a link is not alive from the future
       learn_heading(*t);
       learn_rest(*t);
       response.correct(t->captured, t->q_IB.toRotationMatrix(), t->w_IB_B);

@@ -120,6 +120,10 @@ bool RelativeEstimator::fuse(const CameraFrame& frame, const MotionSource& motio
     out.why_not = "not newer than the last picture";
     return false;
   }
+  if (!detector_.takes(frame.color, frame.depth)) {
+    out.why_not = "the picture is damaged";
+    return false;
+  }
   if (filter_.initialized()) {
     const ProbeScope scope(probe, Stage::filter);
     const auto done = filter_.predict_through(
@@ -148,7 +152,7 @@ bool RelativeEstimator::fuse(const CameraFrame& frame, const MotionSource& motio
 }
 
 bool RelativeEstimator::frozen(const CameraFrame& frame) {
-  if (config_.frozen_pictures == 0 || frame.color.empty()) return false;
+  if (config_.frozen_pictures == 0) return false;
   // Noise makes every row another; every sixteenth will do (FNV-1a over whole words).
   std::uint64_t hash = 1469598103934665603u;
   const auto bytes = static_cast<std::size_t>(frame.color.width * frame.color.channels);

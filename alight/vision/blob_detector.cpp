@@ -145,17 +145,18 @@ void BlobDetector::add_run(const ImageView& image, int v, int u0, int u1, int v_
   }
 }
 
+bool BlobDetector::takes(const ImageView& image, const DepthView& depth) const {
+  const bool fits =
+      depth.empty() ||
+      (depth.width == width_ && depth.height == height_ && depth.stride >= width_);
+  return fits && !image.empty() && image.width == width_ && image.height == height_ &&
+         (image.channels == 1 || image.channels == 3) &&
+         image.stride >= static_cast<std::ptrdiff_t>(width_) * image.channels;
+}
+
 Result<BlobSpan> BlobDetector::detect(const ImageView& image, const DepthView& depth,
                                       const Roi& roi) {
-  if (image.empty() || image.width != width_ || image.height != height_ ||
-      (image.channels != 1 && image.channels != 3) ||
-      image.stride < static_cast<std::ptrdiff_t>(width_) * image.channels) {
-    return fail(Fault::invalid_input);
-  }
-  if (!depth.empty() &&
-      (depth.width != width_ || depth.height != height_ || depth.stride < width_)) {
-    return fail(Fault::invalid_input);
-  }
+  if (!takes(image, depth)) return fail(Fault::invalid_input);
   Roi cut = roi.empty() ? Roi{0, 0, width_, height_} : roi;
   cut = {std::max(cut.u0, 0), std::max(cut.v0, 0), std::min(cut.u1, width_),
          std::min(cut.v1, height_)};

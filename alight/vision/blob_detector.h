@@ -43,6 +43,10 @@ class BlobDetector {
   BlobDetector(BlobDetector&&) = default;  // Copies would lose the reserved room.
   BlobDetector& operator=(BlobDetector&&) = default;
 
+  /// Whether these are pictures that `detect` takes: of the size it was made for, with
+  /// pixels; `depth` may be empty.
+  bool takes(const ImageView& image, const DepthView& depth = {}) const;
+
   /// Blobs of a grey or BGR picture. `depth` may be empty; an empty `roi` is the whole
   /// picture, one that hangs over the edge is cut.
   /// @returns invalid_input for another size, number of channels or a null picture;
