@@ -17,6 +17,21 @@ inline CLI::Validator finite() {
       "NUMBER");
 }
 
+/// A number within these bounds, ends included.
+inline CLI::Validator within(double low, double high) {
+  const std::string bounds =
+      "[" + alight::number_text(low) + ", " + alight::number_text(high) + "]";
+  return CLI::Validator(
+      [=](const std::string& text) -> std::string {
+        double value = 0;
+        if (alight::parse_number(text, value) && value >= low && value <= high) {
+          return {};
+        }
+        return alight::quoted(text) + " is no number in " + bounds;
+      },
+      "in " + bounds);
+}
+
 /// A whole number of at most 64 bits; CLI11 alone takes hexadecimal ones and clips.
 inline CLI::Validator seed_number() {
   return CLI::Validator(

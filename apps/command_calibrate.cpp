@@ -3,6 +3,7 @@
 #include <iostream>
 #include <memory>
 
+#include "alight/io/files.h"
 #include "alight/io/rig_yaml.h"
 #include "alight/io/text.h"
 #include "alight/run/calibrate_run.h"
@@ -218,6 +219,7 @@ Result<void> conclude(const Files& files, const Options& options,
 }
 
 Result<void> calibrate(const FlightSettings& settings) {
+  if (auto good = check_file(settings.out); !good) return good;
   CalibrateFlightOptions options;
   auto rig = load_seen_rig(settings.rig, "calibrate");
   if (!rig) return fail(rig.error());
@@ -239,6 +241,7 @@ Result<void> calibrate(const FlightSettings& settings) {
 }
 
 Result<void> calibrate(const LensSettings& settings) {
+  if (auto good = check_file(settings.out); !good) return good;
   CalibrateLensOptions options;
   auto rig = load_rig(settings.rig);
   if (!rig) return fail(rig.error());
@@ -256,6 +259,7 @@ Result<void> calibrate(const LensSettings& settings) {
 }
 
 Result<void> calibrate(const MountSettings& settings) {
+  if (auto good = check_file(settings.out); !good) return good;
   CalibrateMountOptions options;
   auto rig = settings.parked ? load_seen_rig(settings.rig, "calibrate")
                              : load_rig(settings.rig);
@@ -299,10 +303,6 @@ CLI::App* add_part(CLI::App& parent, Job& job,
   return part;
 }
 
-CLI::Validator within(double low, double high) {
-  return finite() & CLI::Range(low, high);
-}
-
 void add_constellation(CLI::App& parent, Job& job) {
   auto settings = std::make_shared<FlightSettings>();
   CLI::App* part = add_part(parent, job, settings, "constellation",
@@ -326,7 +326,7 @@ void add_constellation(CLI::App& parent, Job& job) {
   part->add_flag("--merged", settings->merged, "Use blobs of several LEDs, too");
   part->add_option("--hold-out", settings->hold_out,
                    "Every how many-th picture is held out")
-      ->check(CLI::Range(2, 100))
+      ->check(within(2, 100))
       ->capture_default_str();
 }
 
@@ -393,7 +393,7 @@ void add_mount(CLI::App& parent, Job& job) {
       ->check(CLI::IsMember({"4x4_50", "36h11"}))
       ->capture_default_str();
   part->add_option("--tag-id", settings->tag_id, "Number of the tag")
-      ->check(CLI::Range(0, 586))
+      ->check(within(0, 586))
       ->capture_default_str();
   part->add_option("--tag-at", settings->tag_at,
                    "x,y,z (m), roll,pitch,yaw (deg) of the tag in N; as given, it lies "

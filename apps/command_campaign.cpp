@@ -39,7 +39,7 @@ struct Settings {
   int jobs = 0;
   double timeout_s = 60;
   bool perfect_rig = false;
-  bool depth = true;
+  bool no_depth = false;
   bool json = false;
 };
 
@@ -116,7 +116,7 @@ Result<CampaignOptions> options_of(const Settings& settings) {
   options.seeds = settings.seeds;
   options.jobs = settings.jobs;
   options.timeout_s = settings.timeout_s;
-  options.depth = settings.depth;
+  options.depth = !settings.no_depth;
   options.store = store_file(settings.out);
   options.version = program_version();
   return options;
@@ -160,7 +160,7 @@ std::string land_command(const Settings& settings, const CampaignScenario& scena
   if (settings.timeout_s != Settings{}.timeout_s) {
     line += " --timeout " + number_text(settings.timeout_s);
   }
-  if (!settings.depth) line += " --no-depth";
+  if (settings.no_depth) line += " --no-depth";
   std::string name = stem(file);
   if (settings.profile != "default") name += "_" + settings.profile;
   const std::string number = std::to_string(seed);
@@ -226,6 +226,9 @@ void show_progress(const CampaignProgress& p) {
 Result<void> campaign(const Settings& settings) {
   const auto options = options_of(settings);
   if (!options) return fail(options.error());
+  if (!settings.plots.empty()) {
+    if (auto good = check_folder(settings.plots); !good) return good;
+  }
   std::function<void(const CampaignProgress&)> progress;
   if (isatty(STDERR_FILENO)) progress = show_progress;
   const auto result = run_campaign(*options, progress);
@@ -378,7 +381,7 @@ void add_campaign(CLI::App& app, Job& job) {
   add_compare(*command, job);
   command->add_option("--scenario", settings->scenarios, "Scenario files, repeatable");
   command->add_option("--seeds", settings->seeds, "Landings of each scenario")
-      ->check(CLI::Range(1, 1'000'000))
+      ->check(within(1, 1e6))
       ->capture_default_str();
   command->add_option("--first-seed", settings->first_seed, "The others follow it")
       ->check(seed_number() &
@@ -392,7 +395,7 @@ void add_campaign(CLI::App& app, Job& job) {
   command->add_flag("--perfect-rig", settings->perfect_rig,
                     "The rig that flies is as written down");
   command->add_option("--jobs", settings->jobs, "Threads; 0: one a core")
-      ->check(CLI::Range(0, 1024))
+      ->check(within(0, 1024))
       ->capture_default_str();
   command
       ->add_option("--out", settings->out,
@@ -405,15 +408,15 @@ void add_campaign(CLI::App& app, Job& job) {
                       "Of these only the one of this name, repeatable");
   command->add_option("--at", settings->at_s, "The instants, s from the start")
       ->delimiter(',')
-      ->check(finite() & CLI::Range(0.0, 3600.0));
+      ->check(within(0, 3600));
   command->add_flag("--pairs", settings->pairs,
                     "Each two faults once, the instants in turn");
   command->add_option("--plots", settings->plots, "Folder for pictures of the results")
       ->check(named());
   command->add_option("--timeout", settings->timeout_s, "Simulated seconds at most")
-      ->check(finite() & CLI::Range(1.0, 3600.0))
+      ->check(within(1, 3600))
       ->capture_default_str();
-  command->add_flag("!--no-depth", settings->depth, "Do not render depth pictures");
+  command->add_flag("--no-depth", settings->no_depth, "Do not render depth pictures");
   command->add_flag("--json", settings->json, "One JSON document");
   command->callback([settings, command, &job] {
     if (!command->get_subcommands().empty()) return;

@@ -146,6 +146,9 @@ Result<std::vector<Seen>> detect_all(const Options& options) {
 
 /// Nothing is said or written before every picture has been read.
 Result<void> run(const Options& options) {
+  if (!options.out.empty()) {
+    if (auto good = check_folder(options.out); !good) return good;
+  }
   const auto all = detect_all(options);
   if (!all) return fail(all.error());
   Json images = Json::array();

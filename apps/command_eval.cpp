@@ -174,6 +174,9 @@ std::vector<Panel> figures(const PosePairs& pairs) {
 }
 
 Result<void> run(const Options& options) {
+  if (!options.out.empty()) {
+    if (auto good = check_folder(options.out); !good) return good;
+  }
   const auto evaluation = evaluate(options);
   if (!evaluation) return fail(evaluation.error());
   const std::string json = as_json(options, *evaluation).dump(2) + "\n";
@@ -214,7 +217,7 @@ void add_eval(CLI::App& app, Job& job) {
                      ->add_option("--max-dt", options->max_dt_s,
                                   "Pair poses by time, at most this many seconds apart "
                                   "(CSV logs: row by row unless given)")
-                     ->check(finite() & CLI::Range(0.0, 1e6))
+                     ->check(within(0, 1e6))
                      ->capture_default_str();
   command->add_option("--out", options->out, "Folder for eval.json and plots")
       ->check(named());

@@ -19,7 +19,7 @@ struct LandSettings {
   std::uint64_t seed = 1;
   double timeout_s = 60;
   bool json = false;
-  bool depth = true;
+  bool no_depth = false;
 };
 
 void print(const LandingResult& r) {
@@ -59,7 +59,7 @@ Result<void> land(const LandSettings& settings) {
   options.profile = settings.profile == "paper" ? Profile::paper : Profile::standard;
   options.seed = settings.seed;
   options.timeout_s = settings.timeout_s;
-  options.depth = settings.depth;
+  options.depth = !settings.no_depth;
 
   if (!settings.out.empty()) {
     if (auto good = check_folder(settings.out); !good) return good;
@@ -126,10 +126,10 @@ void add_land(CLI::App& app, Job& job) {
                    "Folder for the camera's pictures, a SOURCE of alight track")
       ->check(named());
   command->add_option("--timeout", settings->timeout_s, "Simulated seconds at most")
-      ->check(finite() & CLI::Range(1.0, 3600.0))
+      ->check(within(1, 3600))
       ->capture_default_str();
   command->add_flag("--json", settings->json,
                     "Print the result as JSON and nothing else");
-  command->add_flag("!--no-depth", settings->depth, "Do not render depth pictures");
+  command->add_flag("--no-depth", settings->no_depth, "Do not render depth pictures");
   command->callback([settings, &job] { job = [settings] { return land(*settings); }; });
 }

@@ -44,6 +44,10 @@ Result<void> measure(const Settings& settings) {
   options.sequence = *sequence;
   options.profile = settings.profile == "paper" ? Profile::paper : Profile::standard;
 
+  if (!settings.rows.empty()) {
+    if (auto good = check_file(settings.rows); !good) return good;
+  }
+
   const bool told = isatty(STDERR_FILENO) != 0;
   const auto progress = [&](int done) {
     if (told) std::fprintf(stderr, "\r%d of %d flights", done, options.seeds);

@@ -226,7 +226,7 @@ void add_plan(CLI::App& app, Job& job) {
                    "Of the segments, t1,t2 in s: solve once; else they are sampled")
       ->delimiter(',')
       ->expected(2)
-      ->check(CLI::Range(0.01, 1000.0));
+      ->check(within(0.01, 1000));
   command->add_option("--profile", options->profile, "default or paper")
       ->check(CLI::IsMember({"default", "paper"}))
       ->capture_default_str();

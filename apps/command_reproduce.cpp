@@ -50,6 +50,10 @@ Result<void> run(const Settings& settings) {
     options.rig = *rig;
     options.tags = rig->tag.has_value();
   }
+  for (const std::string& file : {settings.out, settings.figure}) {
+    if (file.empty()) continue;
+    if (auto good = check_file(file); !good) return good;
+  }
   const auto result = reproduce(options);
   if (!result) return fail(result.error());
   const std::string document = reproduce_json(options, *result);

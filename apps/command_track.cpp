@@ -103,7 +103,7 @@ void add_track(CLI::App& app, Job& job) {
       ->add_option("--parked", settings->parked_s,
                    "The drone stands on the pad for the first so many s: the rig is "
                    "measured by it")
-      ->check(finite() & CLI::Range(0.0, 60.0));
+      ->check(within(0, 60));
   command->add_flag("--depth", settings->depth, "Use the depth pictures too");
   command->add_option("--out", settings->out, "Folder for estimate, frames and plots")
       ->check(named());

@@ -1,9 +1,13 @@
 #include "program.h"
 
+#include <algorithm>
+#include <cctype>
 #include <exception>
 #include <iostream>
 #include <string>
+#include <vector>
 
+#include "alight/io/text.h"
 #include "command.h"
 
 namespace {
@@ -14,12 +18,24 @@ std::string title(const CLI::App& app) {
   return chosen.empty() ? "alight" : "alight " + chosen.front()->get_name();
 }
 
-/// Errors are one line.
+/// Errors are one line, and what came out of a broken file does not reach the terminal.
 std::string one_line(std::string text) {
   for (char& c : text) {
-    if (c == '\n' || c == '\r') c = ' ';
+    if (std::iscntrl(static_cast<unsigned char>(c))) c = ' ';
   }
   return text;
+}
+
+/// What stands where a command should, said to be none; empty when nothing does.
+std::string unknown_command(const CLI::App& app, int argc, char** argv) {
+  if (argc < 2 || argv[1][0] == '-') return {};
+  std::vector<std::string> known;
+  for (const CLI::App* command : app.get_subcommands({})) {
+    known.push_back(command->get_name());
+  }
+  const std::string word = argv[1];
+  if (std::find(known.begin(), known.end(), word) != known.end()) return {};
+  return alight::not_one_of(word, known);
 }
 
 }  // namespace
@@ -46,8 +62,10 @@ int run_program(int argc, char** argv) {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& misuse) {
     if (misuse.get_exit_code() == 0) return app.exit(misuse);  // --help, --version
-    std::cerr << title(app) << ": " << one_line(misuse.what()) << " (see " << title(app)
-              << " --help)\n";
+    const std::string unknown = unknown_command(app, argc, argv);
+    std::cerr << title(app) << ": "
+              << one_line(unknown.empty() ? misuse.what() : unknown) << " (see "
+              << title(app) << " --help)\n";
     return 2;
   }
 

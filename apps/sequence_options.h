@@ -58,6 +58,10 @@ struct SequenceSettings {
     }
     all.kind = *alight::sequence_kind(kind);
     if (!blackout.empty()) {
+      if (blackout[0] < 0 || blackout[1] < blackout[0]) {
+        return alight::fail(alight::Fault::invalid_config,
+                            "--blackout: begins before 0 or ends before it begins");
+      }
       all.dark_from = blackout[0];
       all.dark_to = blackout[1];
     }

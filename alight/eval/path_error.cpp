@@ -30,12 +30,13 @@ PosePairs associate(const PoseLog& estimate, const PoseLog& truth, Seconds max_d
   const Time limit = from_seconds(max_dt);
   std::size_t next = 0;  // the first truth that is still free
   for (const auto& [t, X] : estimate) {
-    while (next + 1 < truth.size() &&
-           std::abs(truth[next + 1].first - t) <= std::abs(truth[next].first - t)) {
-      ++next;
-    }
     if (next == truth.size()) break;
-    if (std::abs(truth[next].first - t) > limit) continue;
+    const auto gap = [&, t = t](std::size_t i) { return std::abs(truth[i].first - t); };
+    // Of several truths of one instant the first, so that each finds its estimate.
+    for (std::size_t i = next + 1; i < truth.size() && gap(i) <= gap(next); ++i) {
+      if (gap(i) < gap(next)) next = i;
+    }
+    if (gap(next) > limit) continue;
     pairs.push_back({t, X, truth[next].second});
     ++next;
   }

@@ -20,6 +20,9 @@ Result<std::string> read_file(const std::string& path) {
   if (fs::is_directory(status)) {
     return fail(Fault::io, path + ": is a folder, a file is needed");
   }
+  if (fs::is_block_file(status) || fs::is_character_file(status)) {
+    return fail(Fault::io, path + ": is a device, a file is needed");
+  }
   std::ifstream in(path, std::ios::binary);
   std::ostringstream bytes;
   if (in && in.peek() != std::ifstream::traits_type::eof()) bytes << in.rdbuf();
@@ -63,6 +66,15 @@ Result<void> check_folder(const std::string& path) {
     return fail(Fault::io, place.string() + ": nothing may be written there");
   }
   return {};
+}
+
+Result<void> check_file(const std::string& path) {
+  std::error_code code;
+  if (fs::is_directory(path, code)) {
+    return fail(Fault::io, path + ": is a folder, a file is needed");
+  }
+  const fs::path folder = fs::path(path).parent_path();
+  return check_folder(folder.empty() ? "." : folder.string());
 }
 
 Result<void> make_folder(const std::string& path) {

@@ -67,7 +67,7 @@ std::string number_text(double value) {
 }
 
 bool parse_number(std::string_view text, double& value) {
-  if (!text.empty() && text[0] == '+') text.remove_prefix(1);
+  if (text.size() > 1 && text[0] == '+' && text[1] != '-') text.remove_prefix(1);
   double read = 0;
   const auto end = std::from_chars(text.data(), text.data() + text.size(), read);
   if (end.ec != std::errc() || end.ptr != text.data() + text.size()) return false;

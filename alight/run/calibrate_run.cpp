@@ -219,7 +219,10 @@ Result<CalibrateMountResult> calibrate_mount(const CalibrateMountOptions& option
   if (auto good = options.rig.validate(); !good) return fail(good.error());
   if (!options.headings_deg.empty() &&
       options.headings_deg.size() != options.sources.size()) {
-    return fail(Fault::invalid_config, "as many headings as sources are needed");
+    return fail(Fault::invalid_config,
+                "--heading-deg gives " + std::to_string(options.headings_deg.size()) +
+                    " headings for " + std::to_string(options.sources.size()) +
+                    " SOURCEs: one for each is needed");
   }
   CalibrateMountResult result;
   result.rig = options.rig;

@@ -100,14 +100,16 @@ std::string summary_text(const CampaignSummary& s) {
     if (outcome != "landed") append_format(text, ", %s %d", outcome.c_str(), count);
   }
   append_format(text, "; attempts %.2f\n", s.attempts_mean);
-  append_format(
-      text,
-      "  touch-down   error p50 %.1f p95 %.1f max %.1f cm, speed p95 %.2f m/s, tilt "
-      "p95 "
-      "%.1f deg, after %.1f s\n",
-      100 * s.touchdown_error_m.p50, 100 * s.touchdown_error_m.p95,
-      100 * s.touchdown_error_m.max, s.relative_speed_m_s.p95, s.tilt_deg.p95,
-      s.touchdown_t_s.p50);
+  if (std::isfinite(s.touchdown_t_s.p50)) {
+    append_format(text,
+                  "  touch-down   error p50 %.1f p95 %.1f max %.1f cm, speed p95 %.2f "
+                  "m/s, tilt p95 %.1f deg, after %.1f s\n",
+                  100 * s.touchdown_error_m.p50, 100 * s.touchdown_error_m.p95,
+                  100 * s.touchdown_error_m.max, s.relative_speed_m_s.p95,
+                  s.tilt_deg.p95, s.touchdown_t_s.p50);
+  } else {
+    text += "  touch-down   none\n";
+  }
   append_format(
       text, "  tracking     RMSE p50 %.3f p95 %.3f m; following p50 %.3f p95 %.3f m\n",
       s.tracking_rmse_m.p50, s.tracking_rmse_m.p95, s.follow_rmse_m.p50,

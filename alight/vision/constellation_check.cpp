@@ -237,7 +237,7 @@ ConstellationReport check_constellation(const Constellation& leds,
   if (shape.off_plane < sure) {
     report.warnings.push_back(
         "leds: all stand within " + mm(shape.off_plane) +
-        " of one plane, so that from afar two attitudes look alike; raise LED " +
+        " of one plane, so that from afar two attitudes look alike; move LED " +
         std::to_string(shape.nearest_to_middle) + " out of it by at least " +
         mm(2 * clear));
   }

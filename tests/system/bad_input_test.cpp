@@ -172,6 +172,61 @@ TEST_F(BadInput, Rigs) {
   each({rig_with("fx: 415.872", "fx: -1"), {"rig.yaml", "fx"}});
 }
 
+/// The LEDs moved to these places, colours left out.
+std::string rig_with_leds(const std::vector<Vector3>& places) {
+  Rig rig = alan_rig();
+  rig.leds.leds.clear();
+  for (const Vector3& p : places) rig.leds.leds.push_back({p, LedColor::none});
+  return rig_text(rig);
+}
+
+TEST_F(BadInput, LedsThatNoPictureTellsApart) {
+  fs::create_directories(at("flight"));
+  fs::copy_file(at("good.png"), at("flight/1.png"));
+  const std::string commands[] = {"detect '" + at("good.png") + "'",
+                                  "track '" + at("flight") + "'", "land --timeout 1",
+                                  "campaign --timeout 1 --seeds 1 "
+                                  "--scenario '" +
+                                      file("calm.yaml", "") + "'"};
+  struct Case {
+    std::vector<Vector3> leds;
+    std::vector<std::string> words;
+  };
+  const Case refused[] = {
+      {{{0.05, -0.09, 0}, {0.05, -0.04, 0}, {0.05, 0.01, 0}, {0.05, 0.08, 0}},
+       {"of a line", "move LED"}},
+      {{{0.09, 0, 0}, {0, 0.09, 0}, {-0.09, 0, 0}, {0, -0.09, 0}},
+       {"look the same", "move LED"}},
+      {{{0.05, -0.003, 0}, {0.05, 0.003, 0}, {0.052, 0, 0.004}, {0.05, 0.001, -0.005}},
+       {"too little", "spread them"}},
+      {{{0.05, -0.09, 0}, {0.05, 0.09, 0}, {0.05, 0, 0.05}}, {"leds: at least 4"}}};
+  for (const Case& bad : refused) {
+    std::vector<std::string> words = bad.words;
+    words.insert(words.end(), {"odd.yaml: leds: "});
+    const std::string rig =
+        " --rig '" + file("odd.yaml", rig_with_leds(bad.leds)) + "'";
+    for (const std::string& command : commands) {
+      expect_refused(command + rig, 1, words);
+    }
+  }
+  // What only costs is told once, and done.
+  const std::string flat = file("flat.yaml", rig_with_leds({{0.05, -0.09, -0.04},
+                                                            {0.05, -0.02, 0.03},
+                                                            {0.05, 0.05, -0.01},
+                                                            {0.05, 0.09, 0.04},
+                                                            {0.05, 0.03, -0.05}}));
+  for (const std::string& command : commands) {
+    if (command.rfind("campaign", 0) == 0) continue;
+    const Ran ran = run(command + " --rig '" + flat + "'");
+    EXPECT_EQ(ran.status, 0) << command << ran.err;
+    EXPECT_EQ(std::count(ran.err.begin(), ran.err.end(), '\n'), 1)
+        << command << ran.err;
+    EXPECT_NE(ran.err.find("warning: " + flat + ": leds: all stand within"),
+              std::string::npos)
+        << command << ran.err;
+  }
+}
+
 TEST_F(BadInput, Scenarios) {
   const auto each = [&](const std::string& text,
                         const std::vector<std::string>& words) {
@@ -241,6 +296,7 @@ TEST_F(BadInput, Campaigns) {
   const std::string taken = file("taken", "a file");
   check(command, run(command + " --out '" + other + "'"), 1, {"other.sqlite", "store"});
   check(command, run(command + " --out '" + taken + "/in'"), 1, {"taken"});
+  check(command, run(command + " --plots '" + taken + "'"), 1, {"taken", "folder"});
   EXPECT_EQ(read_file(other).value_or(""), std::string(5000, 'x'));
 }
 
@@ -366,6 +422,33 @@ TEST_F(BadInput, Arguments) {
     EXPECT_EQ(ran.out, "") << wrong;
     EXPECT_EQ(std::count(ran.err.begin(), ran.err.end(), '\n'), 1) << wrong << ran.err;
     EXPECT_NE(ran.err.find("--help"), std::string::npos) << wrong << ran.err;
+  }
+}
+
+TEST_F(BadInput, UnknownCommandsAreNamed) {
+  const Ran ran = run("lamd --seed 3");
+  EXPECT_EQ(ran.status, 2);
+  EXPECT_EQ(ran.err.find("alight: 'lamd' is not one of land"), 0u) << ran.err;
+  EXPECT_NE(ran.err.find("did you mean 'land'?"), std::string::npos) << ran.err;
+}
+
+/// Refused before the work, not after it.
+TEST_F(BadInput, FilesThatCannotBeWritten) {
+  const std::string taken = file("taken", "a file"), rig = " --rig '" + good_rig_ + "'";
+  fs::create_directories(at("folder"));
+  fs::create_directories(at("flight"));
+  fs::copy_file(at("good.png"), at("flight/1.png"));
+  for (const std::string& line :
+       {"calibrate constellation '" + at("flight") + "'" + rig + " --out",
+        "calibrate mount --parked '" + at("flight") + "'" + rig + " --out",
+        "calibrate camera --board 9x6 --square-mm 25 '" + at("flight") + "'" + rig +
+            " --out",
+        std::string("measure --frames 36000 --seeds 1000000 --rows"),
+        std::string("reproduce circle --out"),
+        std::string("reproduce circle --figure")}) {
+    check(line, run(line + " '" + at("folder") + "'"), 1,
+          {"folder", "a file is needed"});
+    check(line, run(line + " '" + taken + "/x'"), 1, {"taken", "a folder is needed"});
   }
 }
 

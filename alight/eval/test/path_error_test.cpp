@@ -136,6 +136,18 @@ TEST(Associate, TakesTheNearestOnceAndNoneTooFar) {
   EXPECT_DOUBLE_EQ(pairs[1].estimate.translation().x(), 0.9);
 }
 
+TEST(Associate, OfALogThatRepeatsInstantsIsRowByRow) {
+  PoseLog log = log_at({0, 0, 1, 1, 1, 1.01, 2});
+  for (std::size_t i = 0; i < log.size(); ++i) {
+    log[i].second.translation().y() = static_cast<double>(i);
+  }
+  const PosePairs pairs = associate(log, log, 0.02);
+  ASSERT_EQ(pairs.size(), log.size());
+  for (const PosePair& pair : pairs) {
+    EXPECT_EQ(pair.estimate.translation(), pair.truth.translation());
+  }
+}
+
 TEST(Associate, OfEqualLogsIsRowByRow) {
   const PoseLog log = log_at({0, 0.01, 0.02, 5, 6});
   const PosePairs by_time = associate(log, log, 0.001);

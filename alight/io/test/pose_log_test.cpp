@@ -51,6 +51,11 @@ TEST_F(PoseLogFiles, BadTumIsNamedByLine) {
   EXPECT_EQ(why("0 0 0 0 0 0 0\n").substr(0, 17), ":1: found 7 field");
   EXPECT_EQ(why("0 0 nan 0 0 0 0 1\n"), ":1: 'nan' is not a finite number");
   EXPECT_EQ(why("0 0 0 0 0 0 0 0\n"), ":1: the quaternion is zero");
+  EXPECT_EQ(why("0 0 0 0 0 0 0 1\n9999999999 0 0 0 0 0 0 1\n"),
+            ":2: '9999999999' is not a time in seconds");
+  EXPECT_EQ(why("0 0 1e200 0 0 0 0 1\n"), ":1: the position is more than 1e9 m away");
+  EXPECT_EQ(why("0 0 0 0 1e200 0 0 1\n"),
+            ":1: the quaternion is far from one of norm 1");
   EXPECT_EQ(why("# nothing\n"), ": holds no poses");
   EXPECT_EQ(why(""), ": holds no poses");
 }
@@ -74,6 +79,8 @@ TEST_F(PoseLogFiles, BadAuthorsLogIsNamedByLine) {
   EXPECT_EQ(why(kHeader + "1,2,3,4,5,6,7,8,x,1,\n"), ":3: 'x' is not a finite number");
   EXPECT_EQ(why(kHeader + "1,2,3,4,5,6,7,8,9,2,\n1,2,3,4,5,6,7,8,9,1,\n"),
             ":4: time runs backwards");
+  EXPECT_EQ(why(kHeader + "1,2,3,4,5,6,7,8,9,1e300,\n"),
+            ":3: '1e300' is not a time in seconds");
   EXPECT_EQ(why("x.csv\nx,y\n").substr(0, 12), ":2: expected");
   EXPECT_EQ(why(kHeader), ": holds no poses");
 }
