@@ -17,8 +17,8 @@ Result<void> write_file(const std::string& path, std::string_view bytes);
 /// io: "PATH: is a file, a folder is needed", ...
 Result<void> check_folder(const std::string& path);
 
-/// Whether a file of this name could be written; makes nothing. For work that takes long
-/// before it writes.
+/// Whether a file of this name could be written; makes nothing. For work that takes
+/// long before it writes.
 Result<void> check_file(const std::string& path);
 
 /// Makes a folder and its parents; an existing one is fine.

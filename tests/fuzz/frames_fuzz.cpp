@@ -41,7 +41,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     }
     if (!*more) return 0;
     require(i == 0 || frame.t > last, "time runs backwards");
-    require(frame.color.width == 16 && frame.color.height == 16, "a wrong size is taken");
+    require(frame.color.width == 16 && frame.color.height == 16,
+            "a wrong size is taken");
     last = frame.t;
   }
   return 0;

@@ -1,5 +1,6 @@
 /// Bytes as a rig file: read or refused in words; a rig that is read is written so that
-/// it reads back the same, judged by what judges constellations, and looked for or refused.
+/// it reads back the same, judged by what judges constellations, and looked for or
+/// refused.
 #include "alight/io/rig_yaml.h"
 #include "alight/vision/constellation_check.h"
 #include "alight/vision/led_finder.h"
@@ -46,8 +47,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   for (const std::string& warning : report.warnings) {
     require(warning.find("nan") == std::string::npos, warning);
   }
-  const auto finder =
-      LedFinder::create({}, rig->camera, rig->leds, rig->pad.size_m);
+  const auto finder = LedFinder::create({}, rig->camera, rig->leds, rig->pad.size_m);
   if (!finder) require(!finder.error().detail.empty(), "refused without a reason");
   return 0;
 }
