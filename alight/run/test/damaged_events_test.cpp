@@ -162,9 +162,10 @@ TEST_P(DamagedEvents, AreCountedAndChangeNothing) {
          clean.out.mission.state != MissionState::complete) {
     clean.step();
     troubled.gather();
+    const std::vector<Event> whole = troubled.events;
     Event event;
     for (int i = 0; i < 2; ++i) {
-      if (!broken_copy(troubled.events, troubled.now(), rng, event)) continue;
+      if (!broken_copy(whole, troubled.now(), rng, event)) continue;
       const auto place = pick(rng, static_cast<int>(troubled.events.size()) + 1);
       troubled.events.insert(troubled.events.begin() + place, event);
       ++broken;
