@@ -6,12 +6,12 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
-#include <ctime>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "alight/base/rng.h"
+#include "alight/run/cpu_time.h"
 #include "alight/sim/camera_renderer.h"
 #include "alight/vision/blob_detector.h"
 #include "alight/vision/led_finder.h"
@@ -310,12 +310,6 @@ class Stage {
   ColorBuffer buffer_;
 };
 
-double cpu_us() {
-  timespec t{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
-  return 1e6 * static_cast<double>(t.tv_sec) + 1e-3 * static_cast<double>(t.tv_nsec);
-}
-
 bool wrong(const Pose& a, const Pose& b) {
   return (a.translation() - b.translation()).norm() > 0.15 ||
          angle_between(a.linear(), b.linear()) > 15 * kDegree;
@@ -345,9 +339,9 @@ void run(const Cell& cell, std::uint64_t first, std::uint64_t count) {
       finder.emplace(std::move(*made));
     }
     const Drawn scene = stage.draw(rig, seed);
-    const double before = cpu_us();
+    const double before = thread_cpu_us();
     const auto found = finder->find(scene.blobs);
-    us.push_back(cpu_us() - before);
+    us.push_back(thread_cpu_us() - before);
     const double range =
         (scene.X_NB.translation() - rig.camera.X_NC.translation()).norm();
     const int bin = range < 1.2 ? 0 : range < 2.2 ? 1 : 2;

@@ -2,11 +2,11 @@
 #include <benchmark/benchmark.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstdlib>
 #include <vector>
 
+#include "alight/run/cpu_time.h"
 #include "alight/sim/camera_renderer.h"
 
 namespace alight::bench {
@@ -57,17 +57,15 @@ inline const std::vector<ColorBuffer>& pictures() {
   return all;
 }
 
-/// Times of single calls, for percentiles.
+/// CPU times of single calls, for percentiles.
 class Laps {
  public:
   Laps() { us_.reserve(1 << 20); }
   template <class Call>
   void time(Call&& call) {
-    const auto begin = std::chrono::steady_clock::now();
+    const double begin = thread_cpu_us();
     call();
-    const std::chrono::duration<double, std::micro> lap =
-        std::chrono::steady_clock::now() - begin;
-    us_.push_back(lap.count());
+    us_.push_back(thread_cpu_us() - begin);
   }
   void report(benchmark::State& state) {
     if (us_.empty()) return;

@@ -15,8 +15,8 @@ void render(benchmark::State& state, const CameraSimConfig& config, bool with_de
       state.SkipWithError("not rendered");
       break;
     }
-    benchmark::DoNotOptimize(color.pixels.data());
-    benchmark::DoNotOptimize(depth.pixels.data());
+    benchmark::DoNotOptimize(color.pixels().data());
+    benchmark::DoNotOptimize(depth.pixels().data());
     benchmark::ClobberMemory();
   }
 }

@@ -5,6 +5,8 @@
 #include <bit>
 #include <cmath>
 
+#include "alight/estimation/small_solve.h"
+
 namespace alight {
 namespace {
 
@@ -111,7 +113,7 @@ Result<MapUpdate> solve(const Camera& camera, const Constellation& leds,
   const MatrixN P_prior = P.topLeftCorner<N, N>();
   const Eigen::LLT<MatrixN> P_llt(P_prior);
   if (P_llt.info() != Eigen::Success) return fail(Fault::no_convergence);
-  const MatrixN P_inverse = P_llt.solve(MatrixN::Identity());
+  const MatrixN P_inverse = inverse_of(P_llt);
 
   const RelativeState prior = state.x;
   RelativeState x = prior;     // where the picture is linearized
@@ -187,7 +189,7 @@ Result<MapUpdate> solve(const Camera& camera, const Constellation& leds,
 
   // Joseph's form, K H = A^-1 M and K R K' = A^-1 M A^-1. The prior is carried to the
   // tangent at the solution.
-  const MatrixN A_inverse = A.solve(MatrixN::Identity());
+  const MatrixN A_inverse = inverse_of(A);
   const MatrixN KH = A_inverse * M;
   MatrixN J_inverse = MatrixN::Identity();
   J_inverse.template block<3, 3>(3, 3) = so3_right_jacobian(e.template segment<3>(3));
@@ -199,7 +201,7 @@ Result<MapUpdate> solve(const Camera& camera, const Constellation& leds,
   P.bottomLeftCorner<kRest, N>() = GJ * C;
   P.topRightCorner<N, kRest>() = P.bottomLeftCorner<kRest, N>().transpose();
   Eigen::Matrix<double, kRest, kRest> rest =
-      P.bottomRightCorner<kRest, kRest>() + G * e_C * G.transpose();
+      P.bottomRightCorner<kRest, kRest>() + (G * e_C).lazyProduct(G.transpose());
   P.bottomRightCorner<kRest, kRest>() = 0.5 * (rest + rest.transpose());
 
   if (bias != nullptr) {
@@ -215,7 +217,7 @@ Result<MapUpdate> solve(const Camera& camera, const Constellation& leds,
         }
       }
     }
-    T.noalias() -= picture.M * bias->topRows<6>();
+    T.noalias() -= picture.M.lazyProduct(bias->topRows<6>());
     Eigen::Matrix<double, N, Eigen::Dynamic, 0, N, 3 * kMaxLeds> change_N(N, columns);
     change_N.noalias() = A_inverse.template leftCols<6>() * T;
     if constexpr (N == 9) {

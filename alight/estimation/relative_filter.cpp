@@ -2,9 +2,13 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
+#include <array>
 #include <bit>
 #include <cassert>
 #include <cmath>
+#include <span>
+
+#include "alight/estimation/small_solve.h"
 
 namespace alight {
 namespace {
@@ -31,6 +35,50 @@ using Matrix6 = Eigen::Matrix<double, 6, 6>;
 bool positive_definite(const Matrix2& m) {
   return m.allFinite() && m(0, 0) > 0 && m.determinant() > 0;
 }
+
+/// The derivative of a step, by the few of its entries that are not zero.
+class Transition {
+ public:
+  explicit Transition(const Matrix15& F) {
+    for (int k = 0; k < 15; ++k) {
+      for (int i = 0; i < 15; ++i) {
+        if (F(i, k) != 0) entries_[count_++] = {i, k, F(i, k)};
+      }
+    }
+  }
+
+  /// F P F' for a symmetric P.
+  Matrix15 carry(const Matrix15& P) const {
+    return times_transposed(Matrix15(times_transposed(P).transpose()));
+  }
+
+  /// F B.
+  void carry(LedBias& B) const {
+    const Eigen::Matrix<double, Eigen::Dynamic, 15, 0, 3 * kMaxLeds, 15> from =
+        B.transpose();
+    B = times_transposed(from).transpose();
+  }
+
+ private:
+  struct Entry {
+    int i, k;
+    double value;
+  };
+
+  /// M F'.
+  template <class Matrix>
+  Matrix times_transposed(const Matrix& M) const {
+    Matrix out = Matrix::Zero(M.rows(), 15);
+    for (int n = 0; n < count_; ++n) {
+      const Entry& f = entries_[static_cast<std::size_t>(n)];
+      out.col(f.i) += f.value * M.col(f.k);
+    }
+    return out;
+  }
+
+  std::array<Entry, 15 * 15> entries_;
+  int count_ = 0;
+};
 
 }  // namespace
 
@@ -98,7 +146,8 @@ Result<void> RelativeFilter::predict_to(Time t, const PredictionInput& given) {
   const MotionState next = extrapolate(state_, input, dt, config_.motion(), &F);
   ProcessNoise noise = config_.noise;
   if (!config_.estimate_disturbance) noise.disturbance = noise.bias = 0;
-  Matrix15 P = F * P_ * F.transpose() + process_covariance(noise, dt);
+  const Transition transition(F);
+  Matrix15 P = transition.carry(P_) + process_covariance(noise, dt);
   P.diagonal().head<9>().array() += config_.variance_per_frame * dt / kFrame;
   if (!P.allFinite() || !next.x.p_NB.allFinite() || !next.x.R_NB.allFinite() ||
       !next.x.v_NB.allFinite() || !next.disturbance_N().allFinite()) {
@@ -110,13 +159,7 @@ Result<void> RelativeFilter::predict_to(Time t, const PredictionInput& given) {
   }
   state_ = next;
   P_ = 0.5 * (P + P.transpose());
-  if (knows_led_errors()) {
-    Eigen::Matrix<double, 15, 3> column;
-    for (int i = 0; i < leds_.size(); ++i) {
-      column.noalias() = F * led_bias_.middleCols<3>(3 * i);
-      led_bias_.middleCols<3>(3 * i) = column;
-    }
-  }
+  if (knows_led_errors()) transition.carry(led_bias_);
   time_ = t;
   return {};
 }
@@ -124,132 +167,147 @@ Result<void> RelativeFilter::predict_to(Time t, const PredictionInput& given) {
 Result<void> RelativeFilter::prepare(const LedFrame& frame,
                                      PictureMeasurements& measurements,
                                      UpdateReport& report) const {
-  const Pose X_NB = state_.x.X_NB();
-  const Matrix6 P = P_.topLeftCorner<6, 6>();
-  const unsigned known = (1u << leds_.size()) - 1;
-  const Intrinsics& lens = camera_.intrinsics;
-  const double white = config_.led_white_share * config_.led_white_share;
-  const double led_sd = led_sd_m();
-  const double scale = config_.learn_from_residuals ? watch_.noise() : 1;
-  int improbable = 0;
-  const auto gate = [&](const LedObservation& o) {
-    report.refused.push_back({o.uv, Refusal::gated});
-  };
-  auto group = frame.groups.begin();
+  static_assert(kMaxGroup == 4);
+  auto next_group = frame.groups.begin();
   for (std::size_t i = 0; i < frame.seen.size();) {
-    const bool grouped =
-        group != frame.groups.end() && static_cast<std::size_t>(group->first) == i;
-    const auto count = grouped ? static_cast<std::size_t>(group->count) : 1;
+    const OverlappingLeds* group = nullptr;
+    if (next_group != frame.groups.end() &&
+        static_cast<std::size_t>(next_group->first) == i) {
+      group = next_group++;
+    }
+    const auto count = group != nullptr ? static_cast<std::size_t>(group->count) : 1;
     const LedObservation* const seen = &frame.seen[i];
     i += count;
-
-    PictureMeasurement m;
-    const auto rows = static_cast<Eigen::Index>(2 * count);
-    Eigen::Matrix<double, Eigen::Dynamic, 6, 0, 2 * kMaxGroup, 6> H(rows, 6);
-    Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 2 * kMaxGroup, 1> innovation(rows);
-    GroupMatrix drawn = GroupMatrix::Zero(rows, rows);  // anew in each picture
-    GroupMatrix constant = GroupMatrix::Zero(rows, rows);
-    int malformed = 0;
-    bool ahead = true;
-    for (std::size_t k = 0; k < count; ++k) {
-      const LedObservation& o = seen[k];
-      if (!o.uv.allFinite() || o.leds == 0 || (o.leds & ~known) != 0 ||
-          (config_.use_observation_cov && !positive_definite(o.cov))) {
-        ++malformed;
-        continue;
-      }
-      Matrix26 H_k;
-      const auto uv = project_observation(camera_, X_NB, leds_, o.leds, &H_k);
-      const double z = predicted_depth(camera_, X_NB, leds_, o.leds);
-      ahead = ahead && uv && z > 0;
-      if (!ahead) continue;
-      const auto at = static_cast<Eigen::Index>(2 * k);
-      const int n = std::popcount(o.leds);
-      const Vector2 led_px = led_sd / z * Vector2(lens.fx, lens.fy);
-      const Vector2 led = led_px.cwiseAbs2() / n;
-      const double pixel = config_.pixel_sd_px * config_.pixel_sd_px;
-      H.middleRows<2>(at) = H_k;
-      innovation.segment<2>(at) = o.uv - *uv;
-      drawn.diagonal().segment<2>(at) =
-          white * led + Vector2::Constant(scale * pixel / n);
-      constant.diagonal().segment<2>(at) = (1 - white) * led;
-      MeasuredImage image{.leds = o.leds, .uv = o.uv};
-      if (config_.use_depth && o.depth_m > 0 && std::isfinite(o.depth_m)) {
-        Eigen::Matrix<double, 1, 6> H_z;
-        predicted_depth(camera_, X_NB, leds_, o.leds, &H_z);
-        const double share = config_.depth_sd_share * z;
-        const double variance = config_.depth_sd_m * config_.depth_sd_m + share * share;
-        const double S_z = (H_z * P * H_z.transpose()).value() + variance;
-        // A hole's rim or the background: the depth goes, the image stays.
-        if (config_.gate_chi2 <= 0 ||
-            (o.depth_m - z) * (o.depth_m - z) <= config_.gate_chi2 * S_z) {
-          image.depth_m = o.depth_m;
-          image.depth_variance = variance;
-        }
-      }
-      m.images.push_back(image);
+    Verdict verdict = Verdict::malformed;
+    switch (count) {
+      case 1:
+        verdict = judge<1>(seen, group, measurements, report);
+        break;
+      case 2:
+        verdict = judge<2>(seen, group, measurements, report);
+        break;
+      case 3:
+        verdict = judge<3>(seen, group, measurements, report);
+        break;
+      default:
+        verdict = judge<4>(seen, group, measurements, report);
     }
-    if (grouped) ++group;
-    if (malformed > 0) {
-      report.malformed += malformed;
-      for (std::size_t k = 0; k < count; ++k) {
-        if (seen[k].uv.allFinite()) gate(seen[k]);
-      }
-      continue;
-    }
-    if (!ahead) {
-      improbable += static_cast<int>(count);
-      for (std::size_t k = 0; k < count; ++k) gate(seen[k]);
-      continue;
-    }
-
-    // Of a group, directions that the picture leaves open have no information: noise is
-    // added to what there is, W = (I^-1 + D)^-1 = I - I (D^-1 + I)^-1 I.
-    GroupMatrix noise = drawn;
-    if (!grouped) {
-      if (config_.use_observation_cov) noise += scale * seen->cov;
-      m.information = noise.topLeftCorner<2, 2>().inverse();
-    } else {
-      const GroupMatrix information = group[-1].information / scale;
-      GroupMatrix sum = information;
-      sum.diagonal() += drawn.diagonal().cwiseInverse();
-      const Eigen::LLT<GroupMatrix> llt(sum);
-      m.information = information - information * llt.solve(information);
-      GroupMatrix regular = m.information;
-      regular.diagonal().array() += kOpen;
-      noise = Eigen::LLT<GroupMatrix>(regular).solve(GroupMatrix::Identity(rows, rows));
-    }
-    m.slack = std::sqrt(1 + constant.trace() / noise.trace());
-
-    const GroupMatrix S = H * P * H.transpose() + noise + constant;
-    const auto nis_of = [&](Eigen::Index first, Eigen::Index size) {
-      const auto r = innovation.segment(first, size);
-      const Eigen::LLT<GroupMatrix> llt(S.block(first, first, size, size));
-      return r.dot(llt.solve(r));
-    };
-    const double nis = grouped ? nis_of(0, rows) : nis_of(0, 2);
-    if (!(nis >= 0) ||
-        (config_.gate_chi2 > 0 &&
-         nis > config_.gate_chi2 + kGatePerImage * static_cast<double>(count - 1))) {
-      improbable += static_cast<int>(count);
-      for (std::size_t k = 0; k < count; ++k) gate(seen[k]);
-      continue;
-    }
-    measurements.push_back(m);
-    for (std::size_t k = 0; k < count; ++k) {
-      const auto at = static_cast<Eigen::Index>(2 * k);
-      report.seen.push_back({.leds = seen[k].leds,
-                             .uv = seen[k].uv,
-                             .residual_px = innovation.segment<2>(at),
-                             .variance_px2 = grouped ? 0 : noise.trace() / scale,
-                             .nis = grouped ? nis_of(at, 2) : nis});
+    if (verdict == Verdict::probable) continue;
+    if (verdict == Verdict::improbable) report.gated += static_cast<int>(count);
+    for (const LedObservation& o : std::span(seen, count)) {
+      if (o.uv.allFinite()) report.refused.push_back({o.uv, Refusal::gated});
     }
   }
-  report.gated = improbable;
   report.used = static_cast<int>(report.seen.size());
-  if (improbable > report.used) return fail(Fault::ambiguous);
+  if (report.gated > report.used) return fail(Fault::ambiguous);
   if (report.used < config_.min_observations) return fail(Fault::too_few_points);
   return {};
+}
+
+bool RelativeFilter::well_formed(const LedObservation& o) const {
+  const unsigned known = (1u << leds_.size()) - 1;
+  return o.uv.allFinite() && o.leds != 0 && (o.leds & ~known) == 0 &&
+         (!config_.use_observation_cov || positive_definite(o.cov));
+}
+
+template <int K>
+RelativeFilter::Verdict RelativeFilter::judge(const LedObservation* seen,
+                                              const OverlappingLeds* group,
+                                              PictureMeasurements& measurements,
+                                              UpdateReport& report) const {
+  constexpr int kRows = 2 * K;
+  using MatrixK = Eigen::Matrix<double, kRows, kRows>;
+  using VectorK = Eigen::Matrix<double, kRows, 1>;
+  const auto malformed = std::count_if(
+      seen, seen + K, [&](const LedObservation& o) { return !well_formed(o); });
+  if (malformed > 0) {
+    report.malformed += static_cast<int>(malformed);
+    return Verdict::malformed;
+  }
+
+  const Pose X_NB = state_.x.X_NB();
+  const Matrix6 P = P_.topLeftCorner<6, 6>();
+  const Intrinsics& lens = camera_.intrinsics;
+  const double white = config_.led_white_share * config_.led_white_share;
+  const double scale = config_.learn_from_residuals ? watch_.noise() : 1;
+  const double pixel = scale * config_.pixel_sd_px * config_.pixel_sd_px;
+  PictureMeasurement m;
+  Eigen::Matrix<double, kRows, 6> H;
+  VectorK innovation;
+  VectorK drawn, constant;  // variances: anew in each picture, and the rig's
+  for (int k = 0; k < K; ++k) {
+    const LedObservation& o = seen[k];
+    Matrix26 H_k;
+    const auto uv = project_observation(camera_, X_NB, leds_, o.leds, &H_k);
+    const double z = predicted_depth(camera_, X_NB, leds_, o.leds);
+    if (!uv || !(z > 0)) return Verdict::improbable;
+    const int n = std::popcount(o.leds);
+    const Vector2 led = (led_sd_m() / z * Vector2(lens.fx, lens.fy)).cwiseAbs2() / n;
+    H.template middleRows<2>(2 * k) = H_k;
+    innovation.template segment<2>(2 * k) = o.uv - *uv;
+    drawn.template segment<2>(2 * k) = white * led + Vector2::Constant(pixel / n);
+    constant.template segment<2>(2 * k) = (1 - white) * led;
+    MeasuredImage image{.leds = o.leds, .uv = o.uv};
+    add_depth(o, X_NB, P, z, image);
+    m.images.push_back(image);
+  }
+
+  MatrixK noise = drawn.asDiagonal();
+  if (group == nullptr) {
+    if constexpr (K == 1) {
+      if (config_.use_observation_cov) noise += scale * seen->cov;
+      m.information = noise.inverse();
+    }
+  } else {
+    // Directions that the picture leaves open have no information: noise is added to
+    // what there is, W = (I^-1 + D)^-1 = I - I (D^-1 + I)^-1 I.
+    const MatrixK information =
+        group->information.template topLeftCorner<kRows, kRows>() / scale;
+    MatrixK sum = information;
+    sum.diagonal() += drawn.cwiseInverse();
+    const MatrixK W =
+        information - information * solve_small(Eigen::LLT<MatrixK>(sum), information);
+    m.information = W;
+    MatrixK regular = W;
+    regular.diagonal().array() += kOpen;
+    noise = inverse_of(Eigen::LLT<MatrixK>(regular));
+  }
+  m.slack = std::sqrt(1 + constant.sum() / noise.trace());
+
+  MatrixK S = H.lazyProduct((P * H.transpose()).eval()) + noise;
+  S.diagonal() += constant;
+  const double nis = innovation.dot(Eigen::LLT<MatrixK>(S).solve(innovation));
+  if (!(nis >= 0) ||
+      (config_.gate_chi2 > 0 && nis > config_.gate_chi2 + kGatePerImage * (K - 1))) {
+    return Verdict::improbable;
+  }
+  measurements.push_back(m);
+  for (int k = 0; k < K; ++k) {
+    const Vector2 r = innovation.template segment<2>(2 * k);
+    const Matrix2 S_k = S.template block<2, 2>(2 * k, 2 * k);
+    report.seen.push_back(
+        {.leds = seen[k].leds,
+         .uv = seen[k].uv,
+         .residual_px = r,
+         .variance_px2 = group != nullptr ? 0 : noise.trace() / scale,
+         .nis = K == 1 ? nis : r.dot(Eigen::LLT<Matrix2>(S_k).solve(r))});
+  }
+  return Verdict::probable;
+}
+
+void RelativeFilter::add_depth(const LedObservation& o, const Pose& X_NB,
+                               const Matrix6& P, double z, MeasuredImage& out) const {
+  if (!config_.use_depth || !(o.depth_m > 0) || !std::isfinite(o.depth_m)) return;
+  Eigen::Matrix<double, 1, 6> H_z;
+  predicted_depth(camera_, X_NB, leds_, o.leds, &H_z);
+  const double share = config_.depth_sd_share * z;
+  const double variance = config_.depth_sd_m * config_.depth_sd_m + share * share;
+  const double S_z = (H_z * P * H_z.transpose()).value() + variance;
+  const double off = o.depth_m - z;
+  // A hole's rim or the background: the depth goes, the image stays.
+  if (config_.gate_chi2 > 0 && !(off * off <= config_.gate_chi2 * S_z)) return;
+  out.depth_m = o.depth_m;
+  out.depth_variance = variance;
 }
 
 Result<UpdateReport> RelativeFilter::update(const LedFrame& frame,

@@ -93,8 +93,18 @@ class RelativeFilter {
  private:
   RelativeFilter(const RelativeFilterConfig& config, const Camera& camera,
                  const Constellation& leds);
+  /// What of a frame is fused, each observation or group judged by the prediction.
   Result<void> prepare(const LedFrame& frame, PictureMeasurements& measurements,
                        UpdateReport& report) const;
+  enum class Verdict { probable, improbable, malformed };
+  /// Judges K images, those of `group` unless it is null; a probable one is appended.
+  template <int K>
+  Verdict judge(const LedObservation* seen, const OverlappingLeds* group,
+                PictureMeasurements& measurements, UpdateReport& report) const;
+  bool well_formed(const LedObservation& o) const;
+  void add_depth(const LedObservation& o, const Pose& X_NB,
+                 const Eigen::Matrix<double, 6, 6>& P, double z,
+                 MeasuredImage& out) const;
   void learn_velocity();
   void watch_residuals();
   double led_sd_m() const;

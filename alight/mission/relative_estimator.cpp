@@ -153,16 +153,22 @@ bool RelativeEstimator::fuse(const CameraFrame& frame, const MotionSource& motio
 
 bool RelativeEstimator::frozen(const CameraFrame& frame) {
   if (config_.frozen_pictures == 0) return false;
-  // Noise makes every row another; every sixteenth will do (FNV-1a over whole words).
-  std::uint64_t hash = 1469598103934665603u;
+  // Noise makes every row another; every sixteenth will do (FNV-1a over whole words,
+  // four at a time, for each waits for the one before it).
+  std::array<std::uint64_t, 4> lanes;
+  lanes.fill(1469598103934665603u);
   const auto bytes = static_cast<std::size_t>(frame.color.width * frame.color.channels);
   for (int v = 0; v < frame.color.height; v += 16) {
-    for (std::size_t at = 0; at + 8 <= bytes; at += 8) {
-      std::uint64_t word = 0;
-      std::memcpy(&word, frame.color.row(v) + at, 8);
-      hash = (hash ^ word) * 1099511628211u;
+    for (std::size_t at = 0; at + 32 <= bytes; at += 32) {
+      std::array<std::uint64_t, 4> words;
+      std::memcpy(words.data(), frame.color.row(v) + at, 32);
+      for (std::size_t k = 0; k < 4; ++k) {
+        lanes[k] = (lanes[k] ^ words[k]) * 1099511628211u;
+      }
     }
   }
+  std::uint64_t hash = 0;
+  for (const std::uint64_t lane : lanes) hash = (hash ^ lane) * 1099511628211u;
   alike_ = hash == fingerprint_ ? alike_ + 1 : 1;
   fingerprint_ = hash;
   return !expecting_ && !on_floor_ && alike_ >= config_.frozen_pictures;

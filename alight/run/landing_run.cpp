@@ -2,13 +2,13 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <deque>
 #include <limits>
 
 #include "alight/eval/statistics.h"
 #include "alight/planning/planner.h"
+#include "alight/run/cpu_time.h"
 #include "alight/run/timing_probe.h"
 #include "alight/sim/camera_faults.h"
 #include "alight/sim/camera_renderer.h"
@@ -406,8 +406,7 @@ void Loop::judge(LandingResult& result) const {
 }
 
 Result<LandingResult> Loop::run() {
-  using Clock = std::chrono::steady_clock;
-  const auto began = Clock::now();
+  const double began_us = thread_cpu_us();
   const Time period = from_seconds(1e-3 * options_.step_ms);
   const Time end = from_seconds(options_.timeout_s);
   if (observer_ != nullptr) observer_->on_world(*world_);
@@ -417,10 +416,9 @@ Result<LandingResult> Loop::run() {
     if (auto good = take_pictures(now); !good) return fail(good.error());
     if (world_->fault(FaultKind::computer_stall, now) != nullptr) continue;
     if (auto good = gather(now); !good) return fail(good.error());
-    const auto step_began = Clock::now();
+    const double step_began_us = thread_cpu_us();
     brain_.step({now, events_}, out_, &probe_);
-    const double us =
-        std::chrono::duration<double, std::micro>(Clock::now() - step_began).count();
+    const double us = thread_cpu_us() - step_began_us;
     carry_out(now);
 
     const TruthState& truth = world_->truth();
@@ -452,8 +450,7 @@ Result<LandingResult> Loop::run() {
   judge(result);
   tally_.report(result);
   result.simulated_s = to_seconds(std::min(now, end));
-  const std::chrono::duration<double> took = Clock::now() - began;
-  result.realtime_factor = result.simulated_s / took.count();
+  result.realtime_factor = result.simulated_s / (1e-6 * (thread_cpu_us() - began_us));
   for (int i = 0; i < kStages; ++i) {
     const auto stage = static_cast<Stage>(i);
     result.timing_us[to_string(stage)] = percentiles(probe_.us(stage));

@@ -2,10 +2,10 @@
 
 #include <Eigen/Cholesky>
 #include <cmath>
-#include <ctime>
 #include <limits>
 
 #include "alight/mission/relative_estimator.h"
+#include "alight/run/cpu_time.h"
 
 namespace alight {
 namespace {
@@ -14,14 +14,6 @@ constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr double kWrongM = 0.15;
 constexpr double kWrongRad = 15 * kDegree;
 constexpr double kSure = 30;
-
-/// CPU time of this thread: unlike the clock's, it does not depend on who else runs.
-double cpu_us() {
-  timespec now{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
-  return 1e6 * static_cast<double>(now.tv_sec) +
-         1e-3 * static_cast<double>(now.tv_nsec);
-}
 
 template <int N>
 double mahalanobis(const Eigen::Matrix<double, N, 1>& e,
@@ -78,9 +70,9 @@ Result<std::vector<FrameScore>> score_sequence(Sequence& sequence, const Rig& ri
     CameraFrame frame;
     frame.captured = frame.received = sequence.time(k);
     frame.color = color.view();
-    const double begin = cpu_us();
+    const double begin = thread_cpu_us();
     estimator->fuse(frame, motion, report);
-    const double took = cpu_us() - begin;
+    const double took = thread_cpu_us() - begin;
     scores.push_back(score_frame(report, sequence.truth(k), p_NC));
     scores.back().cpu_us = took;
   }

@@ -1,30 +1,26 @@
 #pragma once
-#include <algorithm>
 #include <array>
-#include <chrono>
 #include <vector>
 
 #include "alight/mission/landing_io.h"
+#include "alight/run/cpu_time.h"
 
 namespace alight {
 
-/// Times the stages of every step by the machine's clock.
+/// Times the stages of every step by the CPU time of the thread that calls.
 class TimingProbe final : public Probe {
  public:
-  void begin(Stage stage) override { of(stage).start = Clock::now(); }
+  void begin(Stage stage) override { of(stage).start_us = thread_cpu_us(); }
   void end(Stage stage) override {
-    const std::chrono::duration<double, std::micro> took =
-        Clock::now() - of(stage).start;
-    of(stage).us.push_back(took.count());
+    of(stage).us.push_back(thread_cpu_us() - of(stage).start_us);
   }
   const std::vector<double>& us(Stage stage) const {
     return stages_[static_cast<std::size_t>(stage)].us;
   }
 
  private:
-  using Clock = std::chrono::steady_clock;
   struct One {
-    Clock::time_point start;
+    double start_us = 0;
     std::vector<double> us;
   };
   One& of(Stage stage) { return stages_[static_cast<std::size_t>(stage)]; }

@@ -63,8 +63,8 @@ void DepthPainter::fill(const Span& span, float sd, int holes, Rng& rng,
   const std::uint64_t bits = rng.bits();
   const float* normal = &normal_[bits % kTable];
   const std::uint8_t* dice = &dice_[(bits >> 32) % kTable];
-  std::uint16_t* row = &out.pixels[static_cast<std::size_t>(span.v * out.width + u0)];
   const auto count = std::min(static_cast<std::size_t>(u1 - u0), kTable);
+  std::uint16_t* row = out.write(u0, span.v, static_cast<int>(count));
   if (!(span.mm >= kNearestMm && span.mm <= kFarthestMm)) {
     std::fill_n(row, count, std::uint16_t{0});
     return;

@@ -78,7 +78,7 @@ void PictureSpoiler::expose(const PictureTrouble& trouble, ColorBuffer& color) {
     level[i] = clipped(
         static_cast<float>(trouble.exposure_factor) * static_cast<float>(i) + 0.5f);
   }
-  for (std::uint8_t& pixel : color.pixels) pixel = level[pixel];
+  for (std::uint8_t& pixel : color.write_all()) pixel = level[pixel];
 }
 
 void PictureSpoiler::add_glare(double counts, ColorBuffer& color) {
@@ -90,7 +90,7 @@ void PictureSpoiler::add_glare(double counts, ColorBuffer& color) {
   for (int u = 0; u < color.width; ++u) {
     across_[static_cast<std::size_t>(u)] = gauss((u - glare_.x() * color.width) / sd);
   }
-  std::uint8_t* pixel = color.pixels.data();
+  std::uint8_t* pixel = color.write_all().data();
   for (int v = 0; v < color.height; ++v) {
     const float row =
         static_cast<float>(counts) * gauss((v - glare_.y() * color.height) / sd);
@@ -105,11 +105,11 @@ void PictureSpoiler::add_glare(double counts, ColorBuffer& color) {
 void PictureSpoiler::add_noise(double counts, Rng rng, ColorBuffer& color) const {
   const auto sd = static_cast<float>(counts);
   const std::size_t row = static_cast<std::size_t>(color.width) * 3;
-  for (std::size_t begin = 0; begin < color.pixels.size(); begin += row) {
+  const std::span<std::uint8_t> pixels = color.write_all();
+  for (std::size_t begin = 0; begin < pixels.size(); begin += row) {
     std::size_t draw = rng.bits() % kNormals;
     for (std::size_t i = begin; i < begin + row; ++i) {
-      color.pixels[i] =
-          clipped(static_cast<float>(color.pixels[i]) + sd * normal_[draw] + 0.5f);
+      pixels[i] = clipped(static_cast<float>(pixels[i]) + sd * normal_[draw] + 0.5f);
       draw = (draw + 1) % kNormals;
     }
   }
@@ -135,9 +135,8 @@ void PictureSpoiler::spoil(const PictureTrouble& trouble, Rng rng, ColorBuffer& 
   if (trouble.covered_share > 0) {
     const Box box = covered(trouble.covered_share, color.width, color.height);
     for (int v = box.v0; v < box.v1; ++v) {
-      const auto row = static_cast<std::ptrdiff_t>(v) * color.width;
-      std::fill(color.pixels.begin() + 3 * (row + box.u0),
-                color.pixels.begin() + 3 * (row + box.u1), kCovered);
+      const int count = box.u1 - box.u0;
+      std::fill_n(color.write(box.u0, v, count), 3 * count, kCovered);
     }
   }
   if (trouble.noise_counts > 0) add_noise(trouble.noise_counts, rng, color);
@@ -145,7 +144,7 @@ void PictureSpoiler::spoil(const PictureTrouble& trouble, Rng rng, ColorBuffer& 
 
 void PictureSpoiler::spoil(const PictureTrouble& trouble, DepthBuffer& depth) const {
   if (trouble.depth_factor != 1) {
-    for (std::uint16_t& mm : depth.pixels) {
+    for (std::uint16_t& mm : depth.write_all()) {
       const double wrong = std::round(trouble.depth_factor * mm);
       mm = static_cast<std::uint16_t>(std::min(wrong, 65535.0));
     }
@@ -153,9 +152,8 @@ void PictureSpoiler::spoil(const PictureTrouble& trouble, DepthBuffer& depth) co
   if (trouble.covered_share > 0) {  // nearer than stereo sees
     const Box box = covered(trouble.covered_share, depth.width, depth.height);
     for (int v = box.v0; v < box.v1; ++v) {
-      const auto row = static_cast<std::ptrdiff_t>(v) * depth.width;
-      std::fill(depth.pixels.begin() + row + box.u0,
-                depth.pixels.begin() + row + box.u1, std::uint16_t{0});
+      const int count = box.u1 - box.u0;
+      std::fill_n(depth.write(box.u0, v, count), count, std::uint16_t{0});
     }
   }
 }

@@ -36,14 +36,6 @@ Result<void> check_size(const Intrinsics& picture) {
   return {};
 }
 
-template <class Buffer>
-void fit(Buffer& buffer, const Intrinsics& picture, std::size_t channels) {
-  buffer.width = picture.width;
-  buffer.height = picture.height;
-  buffer.pixels.resize(static_cast<std::size_t>(picture.width) *
-                       static_cast<std::size_t>(picture.height) * channels);
-}
-
 }  // namespace
 
 struct CameraRenderer::Parts {
@@ -82,10 +74,11 @@ struct CameraRenderer::Parts {
 };
 
 void CameraRenderer::Parts::compress(ColorBuffer& color) {
-  const cv::Mat picture(color.height, color.width, CV_8UC3, color.pixels.data());
+  const std::span<std::uint8_t> pixels = color.write_all();
+  const cv::Mat picture(color.height, color.width, CV_8UC3, pixels.data());
   cv::imencode(".jpg", picture, bytes, {cv::IMWRITE_JPEG_QUALITY, config.jpeg});
   const cv::Mat decoded = cv::imdecode(bytes, cv::IMREAD_COLOR);
-  std::copy(decoded.datastart, decoded.dataend, color.pixels.begin());
+  std::copy(decoded.datastart, decoded.dataend, pixels.begin());
 }
 
 CameraRenderer::CameraRenderer(std::unique_ptr<Parts> parts)
@@ -129,7 +122,6 @@ Result<void> CameraRenderer::render(std::uint64_t frame_index,
   const char* const index = reinterpret_cast<const char*>(&frame_index);
   const Rng frame = p.frames.fork({index, sizeof(frame_index)});
 
-  fit(color, p.camera.intrinsics, 3);
   p.background.fill(frame.fork("dark"), color);
   p.spots.clear();
   append_light_spots(p.lights, p.camera, p.lens, p.config.psf_sd_px, p.exposure_scale,
@@ -158,7 +150,6 @@ Result<void> CameraRenderer::render(std::uint64_t frame_index,
   if (depth != nullptr) {
     const SceneAt& scene =
         depth_scene != nullptr ? *depth_scene : exposure[exposure.size() / 2];
-    fit(*depth, p.camera.intrinsics, 1);
     p.background.fill(frame.fork("room"), *depth);
     p.depth.paint(scene.X_NB, p.leds, frame.fork("depth"), *depth);
     if (trouble != nullptr) p.spoiler.spoil(*trouble, *depth);

@@ -9,6 +9,7 @@
 #include "alight/geometry/pose.h"
 #include "alight/geometry/rig.h"
 #include "alight/sim/camera_config.h"
+#include "alight/sim/picture_buffer.h"
 
 namespace alight {
 
@@ -20,26 +21,6 @@ struct SceneAt {
 
 struct PictureTrouble;
 struct RoomLight;
-
-/// A colour picture that owns its pixels: interleaved blue, green, red.
-struct ColorBuffer {
-  std::vector<std::uint8_t> pixels;
-  int width = 0;
-  int height = 0;
-
-  ImageView view() const {
-    return {pixels.data(), width, height, 3, static_cast<std::ptrdiff_t>(width) * 3};
-  }
-};
-
-/// A depth picture that owns its pixels, mm along the optical axis, 0 is unknown.
-struct DepthBuffer {
-  std::vector<std::uint16_t> pixels;
-  int width = 0;
-  int height = 0;
-
-  DepthView view() const { return {pixels.data(), width, height, width}; }
-};
 
 /// A platform camera that sees LEDs, ceiling lights and mirror images in the pad as a
 /// real sensor does: point spread, motion blur, saturation with coloured halo, shot and
@@ -60,7 +41,7 @@ class CameraRenderer {
   /// One light more in the room, beside those that the configuration asks for.
   void add_light(const RoomLight& light);
 
-  /// Renders one frame; the buffers are resized on first use and reused after.
+  /// Renders one frame; buffers that this renderer drew into before cost least.
   ///
   /// @param exposure    Instants at an even pace from the begin to the end of the
   ///                    exposure, at least 1, at most 8; 2 blur along a straight line.

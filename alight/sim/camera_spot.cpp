@@ -83,8 +83,12 @@ SpotPainter::SpotPainter(const CameraSimConfig& config, Rng rng)
     : halo_sd_px_(config.halo_sd_px),
       shot_(static_cast<float>(config.noise * config.shot_noise *
                                std::sqrt(kShotPerCount))),
-      normal_(kNormals) {
-  for (float& n : normal_) n = static_cast<float>(rng.normal());
+      normal_(kNormals + 3 * kLargestBox) {
+  // The first are repeated at the end, so that no row runs over it.
+  for (std::size_t i = 0; i < normal_.size(); ++i) {
+    normal_[i] =
+        i < kNormals ? static_cast<float>(rng.normal()) : normal_[i - kNormals];
+  }
 }
 
 void SpotPainter::paint(const Spot& spot, Rng& rng, ColorBuffer& out) {
@@ -154,25 +158,24 @@ void SpotPainter::accumulate(const Spot& spot, double sd, double flux, const Box
 void SpotPainter::expose(const std::array<float, 3>& bgr, const Box& box, Rng& rng,
                          ColorBuffer& out) const {
   std::size_t draw = rng.bits() % kNormals;
-  // So bright that no noise brings it back below 255.
-  const float far_beyond = 2 * (255 + 40 * shot_ * shot_);
   std::array<float, 3> shot;
   for (std::size_t c = 0; c < 3; ++c) shot[c] = shot_ * std::sqrt(bgr[c]);
-  const float* light = light_.data();
-  for (int v = box.v0; v < box.v1; ++v) {
-    std::uint8_t* pixel =
-        &out.pixels[static_cast<std::size_t>((v * out.width + box.u0) * 3)];
-    for (int u = box.u0; u < box.u1; ++u, ++light, pixel += 3) {
-      if (*light < kFaintest) continue;
+  const float* row = light_.data();
+  for (int v = box.v0; v < box.v1; ++v, row += box.width()) {
+    const auto lit = [](float light) { return light >= kFaintest; };
+    const float* const first = std::find_if(row, row + box.width(), lit);
+    const float* last = row + box.width();
+    while (last > first && !lit(last[-1])) --last;
+    const int count = static_cast<int>(last - first);
+    if (count == 0) continue;
+    std::uint8_t* pixel = out.write(box.u0 + static_cast<int>(first - row), v, count);
+    const float* normal = &normal_[draw];
+    draw = (draw + 3 * static_cast<std::size_t>(count)) % kNormals;
+    for (const float* light = first; light < last; ++light, pixel += 3, normal += 3) {
+      if (!lit(*light)) continue;
       const float root = std::sqrt(*light);
       for (std::size_t c = 0; c < 3; ++c) {
-        const float signal = *light * bgr[c];
-        if (signal > far_beyond) {
-          pixel[c] = 255;
-          continue;
-        }
-        const float noise = shot[c] * root * normal_[draw];
-        draw = (draw + 1) % kNormals;
+        const float signal = *light * bgr[c], noise = shot[c] * root * normal[c];
         const float level = static_cast<float>(pixel[c]) + signal + noise + 0.5f;
         pixel[c] = static_cast<std::uint8_t>(std::clamp(level, 0.0f, 255.0f));
       }

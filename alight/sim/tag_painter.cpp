@@ -230,10 +230,11 @@ void TagPainter::paint(std::span<const SceneAt> exposure, double brightness, Rng
 
   const double shot = config_.noise * config_.shot_noise * std::sqrt(kShotPerCount);
   for (int v = box.v0; v < box.v1; ++v) {
+    std::uint8_t* const row = out.write(box.u0, v, box.width());
     for (int u = box.u0; u < box.u1; ++u) {
       const std::size_t i = index(v - box.v0, box.width(), u - box.u0);
       if (cover_[i] < 1e-3f) continue;
-      std::uint8_t* pixel = &out.pixels[3 * index(v, out.width, u)];
+      std::uint8_t* const pixel = row + 3 * (u - box.u0);
       const double signal = brightness * white_ * static_cast<double>(light_[i]);
       for (int c = 0; c < 3; ++c) {
         // The paper hides what shines behind it; the sensor's own dark level stays.

@@ -79,6 +79,7 @@ LedFinder::Search::Search(const LedFinderConfig& config_in, const Camera& camera
       centre_B(middle_of(leds_in)),
       radius_m(radius_of(leds_in)),
       shapes(camera, leds, config.range_min_m, config.range_max_m,
+             config.tilt_max_deg * kDegree,
              [this](const Pose& X_NB) { return plausible(X_NB); }),
       neighbours(2 * kMaxBlobs) {
   split.reserve(2 * kMaxBlobs);

@@ -65,6 +65,8 @@ Result<void> LedResolverConfig::validate() const {
 
 /// LEDs whose images touch.
 struct LedResolver::Patch {
+  Patch() {}  // Leaves the room for a fit as it is: a list of patches is large.
+
   FixedVector<int, kMaxLeds> members;
   double area_px = 0;  ///< Of the largest of its blobs; 0: none.
   std::optional<SpotFit> fit;
@@ -116,6 +118,7 @@ void LedResolver::add(const Patch& patch, BlobSpan blobs, const Assignment& matc
   const auto marginals = [](const GroupMatrix& information) {
     GroupMatrix regular = information;
     regular.diagonal().array() += 1e-2;  // 10 px: known from elsewhere
+    if (regular.rows() == 2) return GroupMatrix(Matrix2(regular).inverse());
     const Eigen::LLT<GroupMatrix> llt(regular);
     return GroupMatrix(
         llt.solve(GroupMatrix::Identity(information.rows(), information.cols())));

@@ -10,8 +10,18 @@ namespace {
 
 constexpr int kSamples = 100000;
 
-int clamp_cell(double x, int cells) {
-  return std::clamp(static_cast<int>(std::floor(x)), 0, cells - 1);
+// Tangents of the angles between the sectors of a quadrant.
+constexpr double kEdges[] = {
+    0.19891236737965800, 0.41421356237309505, 0.66817863791929892, 1,
+    1.4966057626654890,  2.4142135623730950,  5.0273394921258483};
+
+/// Sector of a direction, one of 32, by comparing instead of an arctangent.
+std::size_t sector(const Vector2& e) {
+  const double x = std::abs(e.x()), y = std::abs(e.y());
+  std::size_t from_x = 0;
+  for (const double edge : kEdges) from_x += y >= edge * x;
+  if (e.y() >= 0) return e.x() >= 0 ? 16 + from_x : 31 - from_x;
+  return e.x() >= 0 ? 15 - from_x : from_x;
 }
 
 }  // namespace
@@ -82,10 +92,9 @@ CoveringTriples covering_triples(const Constellation& leds) {
 
 ShapeTable::Side ShapeTable::side(const Vector2& a, const Vector2& b) {
   const Vector2 e = b - a;
-  const double turn = (std::atan2(e.y(), e.x()) / kPi + 1) / 2;
   const Vector2 along = e / std::max(e.squaredNorm(), 1e-12);
-  return {a, along, Vector2(-along.y(), along.x()),
-          static_cast<std::size_t>(clamp_cell(turn * kAngles, kAngles))};
+  static_assert(kAngles == 4 * (std::size(kEdges) + 1));
+  return {a, along, Vector2(-along.y(), along.x()), sector(e)};
 }
 
 std::size_t ShapeTable::cell(const Side& ab, const Vector2& c) {
@@ -100,7 +109,7 @@ std::size_t ShapeTable::cell(const Side& ab, const Vector2& c) {
 }
 
 ShapeTable::ShapeTable(const Camera& camera, const Constellation& leds,
-                       double range_min_m, double range_max_m,
+                       double range_min_m, double range_max_m, double tilt_max,
                        const std::function<bool(const Pose&)>& allowed) {
   const CoveringTriples cover = covering_triples(leds);
   triples_ = cover.triples;
@@ -108,26 +117,40 @@ ShapeTable::ShapeTable(const Camera& camera, const Constellation& leds,
   words_ = (triples_.size() + 63) / 64;
   bits_.assign(kAngles * kGrid * kGrid * words_, 0);
   const Intrinsics& lens = camera.intrinsics;
+  const Pose X_CN = camera.X_NC.inverse();
   Vector3 centre_B = Vector3::Zero();
   for (const Led& led : leds.leds) centre_B += led.p_BL / leds.size();
+  const auto about_x = [](double angle) {
+    const double c = std::cos(angle), s = std::sin(angle);
+    return Matrix3{{1, 0, 0}, {0, c, -s}, {0, s, c}};
+  };
+  const auto about_z = [](double angle) {
+    const double c = std::cos(angle), s = std::sin(angle);
+    return Matrix3{{c, -s, 0}, {s, c, 0}, {0, 0, 1}};
+  };
   // Additive recurrence: evenly spread, the same on every machine.
   double s[6] = {0.5, 0.5, 0.5, 0.5, 0.5, 0.5};
   constexpr double kStep[6] = {0.8566748838545029,  0.733891856627126,
                                0.6287067210378087,  0.5385972572236101,
                                0.46139980194318556, 0.3952665168712417};
   for (int n = 0; n < kSamples; ++n) {
-    for (int k = 0; k < 6; ++k) s[k] = std::fmod(s[k] + kStep[k], 1.0);
+    for (int k = 0; k < 6; ++k) {
+      s[k] += kStep[k];
+      if (s[k] >= 1) s[k] -= 1;
+    }
+    const double tilt = kPi / 2 * std::sqrt(s[3]);
+    if (tilt > tilt_max) continue;
     const double u = s[0] * lens.width, v = s[1] * lens.height;
     const double near = std::max(range_min_m, 0.3), far = std::min(range_max_m, 3.0);
     const double range = near + (std::max(far, near) - near) * s[2] * s[2];
     const Vector3 ray_C((u - lens.cx) / lens.fx, (v - lens.cy) / lens.fy, 1);
-    const double tilt = kPi / 2 * std::sqrt(s[3]), way = 2 * kPi * s[4];
-    const Matrix3 R_NB = so3_exp(tilt * Vector3(std::cos(way), std::sin(way), 0)) *
-                         from_rpy(0, 0, 2 * kPi * s[5]);
+    // Tilted about an axis in the plane that `turn` leads to, turned about its own.
+    const Matrix3 turn = about_z(2 * kPi * s[4]);
+    const Matrix3 R_NB = turn * about_x(tilt) * about_z(2 * kPi * (s[5] - s[4]));
     const Vector3 centre_N = camera.X_NC * Vector3(range * ray_C.normalized());
     const Pose X_NB = make_pose(R_NB, centre_N - R_NB * centre_B);
     if (!allowed(X_NB)) continue;
-    const Pose X_CB = camera.X_NC.inverse() * X_NB;
+    const Pose X_CB = X_CN * X_NB;
     std::array<Vector2, kMaxLeds> uv;
     bool in_front = true;
     for (int i = 0; i < leds.size(); ++i) {
@@ -138,7 +161,7 @@ ShapeTable::ShapeTable(const Camera& camera, const Constellation& leds,
     }
     if (!in_front) continue;
     for (std::size_t t = 0; t < triples_.size(); ++t) {
-      const auto at = [&](int i) {
+      const auto at = [&](int i) -> const Vector2& {
         return uv[static_cast<std::size_t>(triples_[t][static_cast<std::size_t>(i)])];
       };
       const std::size_t to = cell(side(at(0), at(1)), at(2)) * words_ + t / 64;

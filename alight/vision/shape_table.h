@@ -16,9 +16,11 @@ class ShapeTable {
  public:
   using Triple = std::array<int, 3>;
 
-  /// `allowed` says whether a pose is one the drone can have.
+  /// `allowed` says whether a pose is one the drone can have; none tilted by more than
+  /// `tilt_max` is.
   ShapeTable(const Camera& camera, const Constellation& leds, double range_min_m,
-             double range_max_m, const std::function<bool(const Pose&)>& allowed);
+             double range_max_m, double tilt_max,
+             const std::function<bool(const Pose&)>& allowed);
 
   const std::vector<Triple>& triples() const { return triples_; }
   /// The first of them, which suffice while most LEDs are seen.

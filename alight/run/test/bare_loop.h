@@ -25,9 +25,7 @@ class BareLoop {
             CameraRenderer::create({}, world_->true_rig().rig, options.seed).value()),
         brain_(LandingSystem::create(config, options.rig).value()),
         planner_(Planner::create({}, options.rig).value()) {
-    black_.width = rig_.camera.intrinsics.width;
-    black_.height = rig_.camera.intrinsics.height;
-    black_.pixels.resize(static_cast<std::size_t>(3 * black_.width * black_.height));
+    black_.clear(rig_.camera.intrinsics.width, rig_.camera.intrinsics.height);
   }
 
   void step() {

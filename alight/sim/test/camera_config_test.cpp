@@ -79,7 +79,7 @@ TEST(CameraRenderer, RefusesWhatIsNotAPose) {
     const auto verdict = renderer->render(0, exposure, color);
     ASSERT_FALSE(verdict);
     EXPECT_EQ(verdict.error().fault, Fault::invalid_input);
-    EXPECT_TRUE(color.pixels.empty());
+    EXPECT_TRUE(color.pixels().empty());
   }
   ColorBuffer color;
   for (const std::size_t instants : {0u, 9u}) {

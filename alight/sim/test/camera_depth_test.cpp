@@ -17,7 +17,7 @@ SceneAt at(const Vector3& p_NB) {
 double depth_at(const DepthBuffer& depth, const Vector2& uv) {
   const auto u = static_cast<int>(std::lround(uv.x()));
   const auto v = static_cast<int>(std::lround(uv.y()));
-  return 1e-3 * depth.pixels[static_cast<std::size_t>(v * depth.width + u)];
+  return 1e-3 * depth.pixels()[static_cast<std::size_t>(v * depth.width + u)];
 }
 
 TEST(CameraDepth, LedsAreAtTheirDepthWithNoiseThatGrowsAndHoles) {
@@ -63,14 +63,14 @@ TEST(CameraDepth, TheDroneStandsOutFromTheRoom) {
   ColorBuffer color;
   DepthBuffer depth;
   ASSERT_TRUE(renderer->render(0, {&scene, 1}, color, &depth));
-  ASSERT_EQ(depth.pixels.size(), 848u * 480u);
+  ASSERT_EQ(depth.pixels().size(), 848u * 480u);
   const Vector3 p_CB = rig.camera.X_NC.inverse() * scene.X_NB.translation();
   const double width = rig.camera.intrinsics.fx * rig.drone.size_m / p_CB.z();
   int near = 0, far = 0, holes = 0;
   int u_low = depth.width, u_high = 0;
   for (int v = 0; v < depth.height; ++v) {
     for (int u = 0; u < depth.width; ++u) {
-      const int mm = depth.pixels[static_cast<std::size_t>(v * depth.width + u)];
+      const int mm = depth.pixels()[static_cast<std::size_t>(v * depth.width + u)];
       holes += mm == 0;
       far += mm > 2200;
       if (std::abs(1e-3 * mm - p_CB.z()) < 0.15) {
@@ -98,7 +98,7 @@ TEST(CameraDepth, MayShowAnotherInstantThanColour) {
   DepthBuffer depth;
   ASSERT_TRUE(renderer->render(0, {&now, 1}, same));
   ASSERT_TRUE(renderer->render(0, {&now, 1}, color, &depth, &later));
-  EXPECT_EQ(color.pixels, same.pixels);
+  EXPECT_EQ(color.pixels(), same.pixels());
   const Vector3 p_CL = rig.camera.X_NC.inverse() * (later.X_NB * rig.leds.p_BL(4));
   EXPECT_NEAR(depth_at(depth, *project_led(rig.camera, later.X_NB, rig.leds.p_BL(4))),
               p_CL.z(), 0.06);

@@ -76,7 +76,7 @@ Moments moments(const ColorBuffer& color, const ColorBuffer& dark, const Vector2
         const auto at = static_cast<std::size_t>((v * color.width + u) * 3);
         double w = 0;
         for (std::size_t c = 0; c < 3; ++c) {
-          w += color.pixels[at + c] - dark.pixels[at + c];
+          w += color.pixels()[at + c] - dark.pixels()[at + c];
         }
         const Vector2 p(u, v);
         if (pass == 0) {
@@ -140,11 +140,11 @@ TEST(CameraRenderer, TheSameSeedAndFrameGiveTheSameBits) {
   ASSERT_TRUE(one.render(3, scene, a, &da));
   for (std::uint64_t frame = 0; frame < 6; ++frame) {
     ASSERT_TRUE(two.render(5 - frame, scene, b, &db));  // another order
-    EXPECT_EQ(a.pixels == b.pixels, 5 - frame == 3);
-    EXPECT_EQ(da.pixels == db.pixels, 5 - frame == 3);
+    EXPECT_EQ(a.pixels() == b.pixels(), 5 - frame == 3);
+    EXPECT_EQ(da.pixels() == db.pixels(), 5 - frame == 3);
   }
   CameraRenderer other = make(config, alan_rig(), 6);
-  EXPECT_NE(picture(other, scene, 3).pixels, a.pixels);
+  EXPECT_NE(picture(other, scene, 3).pixels(), a.pixels());
 }
 
 TEST(CameraRenderer, DepthDoesNotChangeColour) {
@@ -153,7 +153,7 @@ TEST(CameraRenderer, DepthDoesNotChangeColour) {
   ColorBuffer with;
   DepthBuffer depth;
   ASSERT_TRUE(renderer.render(9, scene, with, &depth));
-  EXPECT_EQ(with.pixels, picture(renderer, scene, 9).pixels);
+  EXPECT_EQ(with.pixels(), picture(renderer, scene, 9).pixels());
 }
 
 TEST(CameraRenderer, LightFallsWithTheSquareOfDistance) {
@@ -193,7 +193,7 @@ TEST(CameraRenderer, LightFallsWhenTheDroneTurnsAway) {
     before = light;
   }
   const SceneAt back = facing({-0.8, 0, 0.5}, from_rpy(0, 0, kPi));
-  EXPECT_EQ(picture(renderer, {back}).pixels, dark.pixels);
+  EXPECT_EQ(picture(renderer, {back}).pixels(), dark.pixels());
 }
 
 TEST(CameraRenderer, MotionBlursAlongThePath) {
@@ -235,7 +235,7 @@ TEST(CameraRenderer, ABrightCoreIsWhiteAndItsSurroundingsColoured) {
   const auto pixel = [](const ColorBuffer& from, const Vector2& uv, int c) -> int {
     const auto u = static_cast<int>(std::lround(uv.x()));
     const auto v = static_cast<int>(std::lround(uv.y()));
-    return from.pixels[static_cast<std::size_t>((v * from.width + u) * 3 + c)];
+    return from.pixels()[static_cast<std::size_t>((v * from.width + u) * 3 + c)];
   };
   const ColorBuffer dark = unlit(renderer);
   const int strongest[] = {1, 2, 0};
@@ -263,7 +263,7 @@ TEST(CameraRenderer, JpegKeepsTheBlobsInPlace) {
   const ColorBuffer color = picture(renderer, {scene});
   config.jpeg = 0;
   CameraRenderer plain = make(config, rig);
-  EXPECT_NE(color.pixels, picture(plain, {scene}).pixels);
+  EXPECT_NE(color.pixels(), picture(plain, {scene}).pixels());
   for (int i = 0; i < rig.leds.size(); ++i) {
     const Vector2 uv = *project_led(rig.camera, scene.X_NB, rig.leds.p_BL(i));
     EXPECT_LT((moments(color, dark, uv, 4).mean - uv).norm(), 0.3);
@@ -275,11 +275,11 @@ void expect_level(const ColorBuffer& color, std::size_t channel, double mean,
                   double sd) {
   double sum = 0, square = 0;
   int highest = 0;
-  const std::size_t count = color.pixels.size() / 3;
-  for (std::size_t i = channel; i < color.pixels.size(); i += 3) {
-    sum += color.pixels[i];
-    square += color.pixels[i] * color.pixels[i];
-    highest = std::max<int>(highest, color.pixels[i]);
+  const std::size_t count = color.pixels().size() / 3;
+  for (std::size_t i = channel; i < color.pixels().size(); i += 3) {
+    sum += color.pixels()[i];
+    square += color.pixels()[i] * color.pixels()[i];
+    highest = std::max<int>(highest, color.pixels()[i]);
   }
   double expected = 0, expected_square = 0;
   for (int level = 0; level < 256; ++level) {
@@ -310,8 +310,8 @@ TEST(CameraRenderer, NoiseCoversTheWholeFrame) {
     ColorBuffer next;
     ASSERT_TRUE(renderer.render(1, std::vector{facing({5, 0, 0.5})}, next));
     const auto row = [](const ColorBuffer& b, int v) {
-      return std::vector<int>(b.pixels.begin() + v * b.width * 3,
-                              b.pixels.begin() + (v + 1) * b.width * 3);
+      return std::vector<int>(b.pixels().begin() + v * b.width * 3,
+                              b.pixels().begin() + (v + 1) * b.width * 3);
     };
     for (int v = 1; v < color.height; ++v) {
       ASSERT_NE(row(color, v), row(color, v - 1));
@@ -332,7 +332,7 @@ TEST(CameraRenderer, ShotNoiseGrowsWithLight) {
     const int u = static_cast<int>(std::lround(uv.x())) + du;
     const int v = static_cast<int>(std::lround(uv.y()));
     return static_cast<double>(
-        c.pixels[static_cast<std::size_t>((v * c.width + u) * 3 + 1)]);
+        c.pixels()[static_cast<std::size_t>((v * c.width + u) * 3 + 1)]);
   };
   double sd[2] = {}, mean[2] = {};
   constexpr int kFrames = 400;

@@ -254,14 +254,14 @@ Pictures picture(const std::vector<FaultScenario>& faults, std::uint64_t index =
 
 long light_of(const Pictures& p) {
   long sum = 0;
-  for (const std::uint8_t c : p.color.pixels) sum += c > 40 ? c : 0;
+  for (const std::uint8_t c : p.color.pixels()) sum += c > 40 ? c : 0;
   return sum;
 }
 
 double mean_of(const Pictures& p) {
   double sum = 0;
-  for (const std::uint8_t c : p.color.pixels) sum += c;
-  return sum / static_cast<double>(p.color.pixels.size());
+  for (const std::uint8_t c : p.color.pixels()) sum += c;
+  return sum / static_cast<double>(p.color.pixels().size());
 }
 
 FaultScenario of(FaultKind kind) { return {.kind = kind, .at_s = 0, .for_s = 10}; }
@@ -275,7 +275,7 @@ TEST(CameraFaults, NothingWrongIsNoChange) {
   const PictureTrouble none = CameraFaults({}, Rng(1)).at(0, 3);
   ASSERT_TRUE(renderer->render(3, exposure, a));
   ASSERT_TRUE(renderer->render(3, exposure, b, nullptr, nullptr, &none));
-  EXPECT_EQ(a.pixels, b.pixels);
+  EXPECT_EQ(a.pixels(), b.pixels());
 }
 
 TEST(CameraFaults, EachDeadLedTakesItsLight) {
@@ -315,10 +315,10 @@ TEST(CameraFaults, PicturesAreSpoiltAsSaid) {
   const Pictures noisy = picture({noise});
   double square = 0;
   int n = 0;
-  for (std::size_t i = 0; i < well.color.pixels.size(); i += 7) {
-    if (well.color.pixels[i] > 200) continue;
-    const double d = noisy.color.pixels[i] - well.color.pixels[i];
-    if (d <= -2 || noisy.color.pixels[i] == 0) continue;  // cut off at black
+  for (std::size_t i = 0; i < well.color.pixels().size(); i += 7) {
+    if (well.color.pixels()[i] > 200) continue;
+    const double d = noisy.color.pixels()[i] - well.color.pixels()[i];
+    if (d <= -2 || noisy.color.pixels()[i] == 0) continue;  // cut off at black
     square += d * d;
     ++n;
   }
@@ -335,19 +335,20 @@ TEST(CameraFaults, PicturesAreSpoiltAsSaid) {
   cover.covered_share = 1;
   const Pictures covered = picture({cover});
   EXPECT_EQ(light_of(covered), 0);
-  EXPECT_EQ(*std::max_element(covered.depth.pixels.begin(), covered.depth.pixels.end()),
-            0);
+  EXPECT_EQ(
+      *std::max_element(covered.depth.pixels().begin(), covered.depth.pixels().end()),
+      0);
 }
 
 TEST(CameraFaults, WrongDepthIsWrongByTheFactor) {
   const Pictures well = picture({}), wrong = picture({of(FaultKind::depth_wrong)});
   int known = 0;
-  for (std::size_t i = 0; i < well.depth.pixels.size(); ++i) {
-    EXPECT_EQ(wrong.depth.pixels[i], std::lround(1.5 * well.depth.pixels[i]));
-    known += well.depth.pixels[i] > 0;
+  for (std::size_t i = 0; i < well.depth.pixels().size(); ++i) {
+    EXPECT_EQ(wrong.depth.pixels()[i], std::lround(1.5 * well.depth.pixels()[i]));
+    known += well.depth.pixels()[i] > 0;
   }
   EXPECT_GT(known, 1000);
-  EXPECT_EQ(wrong.color.pixels, well.color.pixels);
+  EXPECT_EQ(wrong.color.pixels(), well.color.pixels());
 }
 
 }  // namespace

@@ -28,9 +28,7 @@ Pose facing(const Rig& rig, double range) {
 ColorBuffer black(const Rig& rig) {
   const Intrinsics& lens = rig.camera.intrinsics;
   ColorBuffer out;
-  out.width = lens.width;
-  out.height = lens.height;
-  out.pixels.assign(static_cast<std::size_t>(lens.width * lens.height * 3), 0);
+  out.clear(lens.width, lens.height);
   return out;
 }
 
@@ -44,7 +42,7 @@ ColorBuffer paint(const Rig& rig, const CameraSimConfig& config,
 
 double sum(const ColorBuffer& picture) {
   double total = 0;
-  for (const std::uint8_t byte : picture.pixels) total += byte;
+  for (const std::uint8_t byte : picture.pixels()) total += byte;
   return total / 3;
 }
 
@@ -168,10 +166,10 @@ TEST(TagPainter, ARigWithoutATagRendersAsBefore) {
   ColorBuffer a, b;
   ASSERT_TRUE(one->render(5, {&away, 1}, a));
   ASSERT_TRUE(other->render(5, {&away, 1}, b));
-  EXPECT_EQ(a.pixels, b.pixels);
+  EXPECT_EQ(a.pixels(), b.pixels());
   ASSERT_TRUE(one->render(6, {&shown, 1}, a));
   ASSERT_TRUE(other->render(6, {&shown, 1}, b));
-  EXPECT_NE(a.pixels, b.pixels);
+  EXPECT_NE(a.pixels(), b.pixels());
   tagged.tag->id = 49;
   EXPECT_TRUE(CameraRenderer::create({}, tagged, 3));
   tagged.tag->family = TagFamily::tag36h11;
