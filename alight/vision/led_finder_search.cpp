@@ -1,6 +1,7 @@
 #include "alight/vision/led_finder_search.h"
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cmath>
 #include <limits>
@@ -17,6 +18,9 @@ constexpr double kGuessMargin = 2;  // LEDs explained less than by the best gues
 constexpr double kFineShare = 0.05;
 /// Stretch, in its sd, from which a blob may be two LEDs that stand out from one.
 constexpr double kLong = 2;
+/// Words of the largest set of triples.
+constexpr std::size_t kWordsMost =
+    (kMaxLeds * (kMaxLeds - 1) * (kMaxLeds - 2) / 6 + 63) / 64;
 // Cost of the steps of a search, in units of LedFinderConfig::work_max.
 constexpr int kLookUp = 1, kThreePoints = 4, kMatch = 100, kFit = 500;
 
@@ -174,6 +178,11 @@ void LedFinder::Search::search_triples(BlobSpan blobs, bool white_is_any,
     return of_color[corner]
                    [static_cast<std::size_t>(blobs[static_cast<std::size_t>(j)].color)];
   };
+  // What of each word of a set is asked for now.
+  const std::size_t words = shapes.words();
+  std::array<std::uint64_t, kWordsMost> asked{}, by_one{}, by_two{};
+  for (std::size_t t = first; t < last; ++t)
+    asked[t / 64] |= std::uint64_t{1} << t % 64;
   // If the work runs out, it does so all over the picture.
   const std::size_t count = seeds.size();
   std::size_t stride = std::max<std::size_t>(1, count * 5 / 8);
@@ -182,20 +191,21 @@ void LedFinder::Search::search_triples(BlobSpan blobs, bool white_is_any,
     const std::size_t n = step * stride % count;
     look_around(blobs, n, white_is_any);
     const int i = around.blob[0];
+    for (std::size_t w = 0; w < words; ++w) by_one[w] = asked[w] & fits(0, i)[w];
     for (std::size_t j = 1; j < around.count; ++j) {
+      const TripleSet& second = fits(1, around.blob[j]);
+      for (std::size_t w = 0; w < words; ++w) by_two[w] = by_one[w] & second[w];
       const ShapeTable::Side side = ShapeTable::side(px(i), px(around.blob[j]));
       for (std::size_t k = 1; k < around.count; ++k) {
         if (k == j) continue;
         work += kLookUp;
         const std::uint64_t* possible = shapes.possible(side, px(around.blob[k]));
-        for (std::size_t w = 0; w < shapes.words(); ++w) {
-          std::uint64_t left = possible[w] & fits(0, i)[w] &
-                               fits(1, around.blob[j])[w] & fits(2, around.blob[k])[w];
+        const TripleSet& third = fits(2, around.blob[k]);
+        for (std::size_t w = 0; w < words; ++w) {
+          std::uint64_t left = possible[w] & by_two[w] & third[w];
           for (; left != 0; left &= left - 1) {
-            const auto t = w * 64 + static_cast<std::size_t>(std::countr_zero(left));
-            if (t < first || t >= last) continue;
             if (work > config.work_max) return;
-            guess(t, j, k);
+            guess(w * 64 + static_cast<std::size_t>(std::countr_zero(left)), j, k);
           }
         }
       }
@@ -212,14 +222,16 @@ void LedFinder::Search::guess(std::size_t triple, std::size_t j, std::size_t k) 
   const double B = c.aa * ff + c.bb * ee - 2 * c.ab * ef;
   const double C = ee * ff - ef * ef;
   const double s2 = (B + std::sqrt(std::max(B * B - 4 * c.det * C, 0.0))) / (2 * c.det);
-  const double s = std::sqrt(s2);
-  // 1.3 and 0.7: what the projection makes of a near drone's range.
-  if (!(s * config.range_max_m > 0.7) || s * config.range_min_m > 1.4) return;
+  // 1.4 and 0.7: what the projection makes of a near drone's range.
+  const double far = config.range_max_m / 0.7, near = config.range_min_m / 1.4;
+  if (!(s2 * far * far > 1) || s2 * near * near > 1) return;
+  const double s = std::sqrt(s2), per_s = 1 / s;
   const double h = std::sqrt(std::max(s2 * c.aa - ee, 0.0));
   double d = std::sqrt(std::max(s2 * c.bb - ff, 0.0));
   if (s2 * c.ab - ef < 0) d = -d;
-  const double normal_x = (ey * d - h * fy) / s, normal_y = (h * fx - ex * d) / s;
-  const double normal_z = (ex * fy - ey * fx) / s;
+  const double normal_x = (ey * d - h * fy) * per_s,
+               normal_y = (h * fx - ex * d) * per_s;
+  const double normal_z = (ex * fy - ey * fx) * per_s;
   const double size = s * radius_m;
   const double reach =
       2 / camera.intrinsics.fx + size * (kRoughShare + kPerspective * size);
@@ -230,8 +242,8 @@ void LedFinder::Search::guess(std::size_t triple, std::size_t j, std::size_t k) 
     const Vector3 up_V =
         Vector3(c.up.x() * ex + c.up.y() * fx + c.up.z() * sign * normal_x,
                 c.up.x() * ey + c.up.y() * fy + c.up.z() * sign * normal_y,
-                sign * (c.up.x() * h + c.up.y() * d) + c.up.z() * normal_z) /
-        s;
+                sign * (c.up.x() * h + c.up.y() * d) + c.up.z() * normal_z) *
+        per_s;
     const double up = up_V.dot(around.up_V);
     if (up < cos_tilt_most) continue;
     Guess out;
