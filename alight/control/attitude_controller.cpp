@@ -8,8 +8,6 @@
 namespace alight {
 namespace {
 
-constexpr Seconds kStep = 0.01;  // for the derivative of the wished specific force
-
 Vector3 clamped(const Vector3& v, double norm) {
   const double n = v.norm();
   return n > norm ? Vector3(v * (norm / n)) : v;
@@ -20,10 +18,13 @@ bool finite(const FlatState& s) {
          s.j_NB.allFinite() && std::isfinite(s.yaw) && std::isfinite(s.yaw_rate);
 }
 
-bool finite(const AttitudeInput& in) {
-  const PlatformState& p = in.platform;
+bool finite(const PlatformState& p) {
   return p.X_IN.matrix().allFinite() && p.v_IN_N.allFinite() && p.w_IN_N.allFinite() &&
-         p.a_IN_N.allFinite() && p.alpha_IN_N.allFinite() &&
+         p.a_IN_N.allFinite() && p.alpha_IN_N.allFinite();
+}
+
+bool finite(const AttitudeInput& in) {
+  return finite(in.platform) && finite(in.platform_later) &&
          in.state.p_NB.allFinite() && in.state.v_NB.allFinite() &&
          in.response.R_IB.allFinite() && in.response.w_IB_B.allFinite() &&
          std::isfinite(in.response.thrust_m_s2) &&
@@ -40,15 +41,14 @@ Matrix3 attitude_along(const Vector3& f, double yaw) {
   return R;
 }
 
-/// Specific force, in N, that the reference needs at its own time.
+}  // namespace
+
 Vector3 wished_force_N(const PlatformState& platform, const FlatState& r,
                        const Vector3& d_N, double drag_per_s) {
   return inertial_acceleration_N(platform, r.p_NB, r.v_NB, r.a_NB) +
          drag_per_s * inertial_velocity_N(platform, r.p_NB, r.v_NB) - d_N -
          gravity_N(platform);
 }
-
-}  // namespace
 
 Result<void> AttitudeControllerConfig::validate() const {
   return check_bounds(
@@ -122,17 +122,18 @@ AttitudeOutput AttitudeController::step(const AttitudeInput& in, Seconds dt) {
   const Vector3 wind_N = R_NA * d_A_;
   const Vector3 d_N = wind_N + b_N_;
   const Vector3 f = wished_force_N(in.platform, r, d_N, config_.drag_per_s);
+  constexpr Seconds kLater = AttitudeInput::kLater;
   FlatState later = r;
-  later.p_NB += kStep * r.v_NB;
-  later.v_NB += kStep * r.a_NB;
-  later.a_NB += kStep * r.j_NB;
+  later.p_NB += kLater * r.v_NB;
+  later.v_NB += kLater * r.a_NB;
+  later.a_NB += kLater * r.j_NB;
   // Wind is fixed in I, hence turning in N.
-  const Vector3 turn = kStep * in.platform.w_IN_N;
+  const Vector3 turn = kLater * in.platform.w_IN_N;
   const Matrix3 R_later = so3_exp(turn);
   const Vector3 f_later =
-      R_later * wished_force_N(predict(in.platform, kStep), later,
+      R_later * wished_force_N(in.platform_later, later,
                                R_later.transpose() * wind_N + b_N_, config_.drag_per_s);
-  const Vector3 f_rate = (f_later - f) / kStep;
+  const Vector3 f_rate = (f_later - f) / kLater;
   const Vector3 f_model = R_NA * in.response.f_I();
 
   out.p_error_N = r.p_NB - in.state.p_NB;

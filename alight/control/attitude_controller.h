@@ -37,7 +37,11 @@ struct AttitudeControllerConfig {
 /// Everything at the time the next set-point takes effect,
 /// t_eff = now + link delay + the autopilot's dead time.
 struct AttitudeInput {
+  /// s; over which the wished specific force is differentiated.
+  static constexpr Seconds kLater = 0.01;
+
   PlatformState platform;
+  PlatformState platform_later;    ///< As predicted for `kLater` after that.
   RelativeState state;             ///< Estimate carried forward to t_eff.
   DroneResponse::Sample response;  ///< The model's attitude and thrust at t_eff,
   double autopilot_heading = 0;    ///< in the autopilot's frame, in which I's x axis
@@ -56,6 +60,10 @@ struct AttitudeOutput {
   bool limited = false;                 ///< Tilt or thrust was cut.
   bool invalid = false;  ///< Input was not finite: level, hover thrust, heading kept.
 };
+
+/// Specific force, in N, that keeps to `reference` under the disturbance `d_N`.
+Vector3 wished_force_N(const PlatformState& platform, const FlatState& reference,
+                       const Vector3& d_N, double drag_per_s);
 
 /// Attitude and thrust from the estimate, the reference and the motion of the platform
 /// (paper, sec:MP_control: the onboard attitude controller tracks this).

@@ -285,6 +285,7 @@ void LandingSystem::Parts::control(const MissionCommand& command, Time now,
       }
       AttitudeInput in;
       in.platform = platform_eff;
+      in.platform_later = platform.at(t_eff + from_seconds(AttitudeInput::kLater));
       const MotionState ahead = estimator.carried_on(state, now, t_eff, motion);
       in.state = ahead.x;
       in.response = response.at(t_eff);
@@ -347,6 +348,12 @@ void LandingSystem::step(const Input& input, Output& out, Probe* probe) {
   in.x_seen = p.x_seen;
   in.seen = p.estimator.last_sight();
   in.platform = out.trace.platform;
+  const PlatformState touch =
+      p.platform.at(input.now + from_seconds(Mission::kTouchAhead));
+  FlatState over_pad;
+  over_pad.p_NB.z() = p.rig.drone.gear_height_m;
+  in.f_touch_N = wished_force_N(touch, over_pad, state.disturbance_N(),
+                                p.config.attitude.drag_per_s);
   in.plan = p.plan;
   MissionCommand command;
   {

@@ -1,6 +1,7 @@
 #pragma once
 #include "alight/control/reference.h"
 #include "alight/geometry/trajectory.h"
+#include "alight/mission/flare.h"
 #include "alight/mission/pace.h"
 
 namespace alight {
@@ -19,6 +20,10 @@ class Maneuver {
   FlatState at(Time t) const;
   /// Of a landing: from `now` on it goes over to this share, 0 to 1, of its speed.
   void aim_pace(Time now, double rate) { pace_.aim(now, rate); }
+  /// Of a landing: the state it comes to.
+  FlatState end() const { return trajectory_.at(trajectory_.duration()); }
+  /// Of a landing: how it ends. @pre `past_end` is at most minus the flare's duration.
+  void end_with(const Flare& flare) { flare_ = flare; }
   /// How far a landing is behind its plan by having been slowed down, s.
   Seconds lag(Time t) const { return to_seconds(t - start_) - pace_.at(t).s; }
 
@@ -35,6 +40,7 @@ class Maneuver {
   Trajectory trajectory_;
   Time start_ = 0;
   Pace pace_;
+  Flare flare_;
   double sink_m_ = 0;
 };
 

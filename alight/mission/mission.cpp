@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
+#include <cstdlib>
+#include <cstdio>
 
 namespace alight {
 namespace {
@@ -16,7 +18,10 @@ constexpr double kStillSinking = 0.005;
 constexpr double kTouchHighest = 0.1;
 constexpr double kStanding = 0.05;
 // Error of speed counts for as long as the rest of a landing takes from the commit on.
-constexpr Seconds kTouchAhead = 0.25;
+constexpr double kFootSpread = 0.7;  // of the feet from the middle, of the arm
+// At least so far ahead of now control looks at the reference.
+constexpr Seconds kControlAhead = 0.25;
+constexpr Seconds kMissAhead = 0.25;
 
 double angle_between(const Vector3& a, const Vector3& b) {
   return std::atan2(a.cross(b).norm(), a.dot(b));
@@ -44,7 +49,10 @@ Mission::Mission(const MissionConfig& config, const Rig& rig)
       gear_height_(rig.drone.gear_height_m),
       arm_(rig.drone.arm_m),
       from_lens_(level_from_lens(rig)),
-      tilt_max_(rig.drone.tilt_max_deg * kDegree) {}
+      tilt_max_(rig.drone.tilt_max_deg * kDegree) {
+  if (getenv("X_T")) config_.flare_s = atof(getenv("X_T"));
+  if (getenv("X_G")) config_.flare_share = atof(getenv("X_G"));
+}
 
 bool Mission::flying() const {
   switch (status_.state) {
@@ -412,6 +420,7 @@ void Mission::rendezvous(const MissionInput& in, Output& out) {
       go(MissionState::land, "the landing is planned", in, out);
       maneuver_ = Maneuver::landing(plan.trajectory, plan.start, config_.sink_m);
       committed_ = false;
+      flared_ = false;
       settling_down_ = false;
       return;
     }
@@ -481,13 +490,14 @@ void Mission::land(const MissionInput& in, Command& c, Output& out) {
   }
   if (settling_down_) {
     c.mode = Command::Mode::settle;
-    c.ramp_share =
-        std::max(0.0, 1 - to_seconds(in.now - settle_since_) / config_.settle_down_s);
+    const double passed = to_seconds(in.now - settle_since_) / config_.settle_down_s;
+    c.ramp_share = config_.settle_share * std::max(0.0, 1 - passed);
     return;
   }
+  flare(in);
   if (!committed_) {
     // Where it would touch, off the middle of the pad.
-    const double miss = horizontal(error + kTouchAhead * (in.x.v_NB - ref.v_NB));
+    const double miss = horizontal(error + kMissAhead * (in.x.v_NB - ref.v_NB));
     const double commit_height = gear_height_ + config_.commit_height_m;
     if (config_.wait_error_m > 0 &&
         ref.p_NB.z() < commit_height + config_.wait_room_m) {
@@ -516,6 +526,22 @@ void Mission::land(const MissionInput& in, Command& c, Output& out) {
   if (maneuver_.past_end(in.now) > config_.landing_overtime_s) {
     go(MissionState::go_around, "no touch-down where the pad should be", in, out);
   }
+}
+
+void Mission::flare(const MissionInput& in) {
+  const Seconds ahead = config_.flare_s + 0.1 + kControlAhead;
+  if (flared_ || config_.flare_s <= 0 || maneuver_.past_end(in.now) < -ahead) return;
+  flared_ = true;
+  // Upright on the pad, whatever wind and turns would have it lean.
+  Vector3 a_N = -config_.flare_share * in.f_touch_N;
+  a_N.z() = 0;
+  if (const double a = a_N.norm(); a > config_.flare_max_m_s2) {
+    a_N *= config_.flare_max_m_s2 / a;
+  }
+  const double left = horizontal(in.f_touch_N + a_N) / kGravity;
+  const double sink = std::max(-maneuver_.end().v_NB.z(), 0.1);
+  const Seconds early = std::min(kFootSpread * arm_ * left / sink, 0.1);
+  maneuver_.end_with(Flare(a_N, config_.flare_s, early));
 }
 
 void Mission::shut_down(const MissionInput& in, Command& c, Output& out) {

@@ -24,6 +24,9 @@ struct MissionInput {
   RelativeState x_seen;         ///< At the last picture.
   Time seen = 0;                ///< When that was captured.
   PlatformState platform;       ///< At now.
+  /// Specific force in N that keeps the drone at rest over the pad's middle, as
+  /// predicted for Mission::kTouchAhead from now.
+  Vector3 f_touch_N = Vector3(0, 0, kGravity);
 
   const PlanArrival* plan = nullptr;  ///< Arrived since the last step.
 };
@@ -52,6 +55,9 @@ struct MissionCommand {
 /// fly; how is control's.
 class Mission {
  public:
+  /// s; how far ahead the touch-down is looked at.
+  static constexpr Seconds kTouchAhead = 0.4;
+
   Mission(const MissionConfig& config, const Rig& rig);
 
   /// @param request  Filled in when a plan is wanted; `has_request` says so.
@@ -82,6 +88,7 @@ class Mission {
   void lost_target(const MissionInput& in, Output& out);
   void lost_link(const MissionInput& in, Command& c, Output& out);
   void aborted(const MissionInput& in, Command& c, Output& out);
+  void flare(const MissionInput& in);
   bool may_touch(const MissionInput& in) const;
   bool touched_down(const MissionInput& in);
 
@@ -110,6 +117,7 @@ class Mission {
   int plan_tries_ = 0;
   const char* plan_trouble_ = "";
   bool committed_ = false;
+  bool flared_ = false;
   // Touch-down.
   bool low_ = false;
   Time low_since_ = 0;

@@ -45,7 +45,11 @@ struct MissionConfig {
   double give_up_s = 2.0;         ///< Lost target this long: the autopilot lands.
   double sink_m = 0.08;           ///< How far below touch-down the reference goes.
   double touch_height_m = 0.03;   ///< Above gear height: may stand on the pad.
-  double settle_down_s = 0.25;    ///< In which thrust then goes to nothing.
+  double settle_share = 0.4;      ///< Then thrust falls to this share of the last,
+  double settle_down_s = 0.25;    ///< and to nothing in this time.
+  double flare_s = 0.8;           ///< The drone stands up last. 0: never;
+  double flare_share = 0.7;       ///< by this share of what it leans,
+  double flare_max_m_s2 = 3.5;    ///< at most.
   double touch_settled_s = 0.06;  ///< Not sinking for this long: it stands.
   double blind_sink_s = 0.6;  ///< From the trajectory's end to when thrust goes, for a
                               ///< committed drone that is not seen, or that does not

@@ -10,7 +10,9 @@
 namespace alight {
 namespace {
 
-constexpr double kImuFresh = 0.1;       ///< s; an older IMU says nothing about now.
+// The IMU's last motion speaks for the times between, s from its own.
+constexpr double kImuBefore = -0.1;
+constexpr double kImuAhead = 0.4;
 constexpr double kJumpPosition = 0.15;  ///< m; more than any motion between two events.
 constexpr double kJumpAngle = 0.15;     ///< rad
 constexpr double kFadeAcceleration =
@@ -38,6 +40,7 @@ Result<void> PlatformTrackerConfig::validate() const {
   return check_bounds({{"velocity_tau_s", velocity_tau_s, 1e-3, 5},
                        {"yaw_rate_tau_s", yaw_rate_tau_s, 1e-3, 5},
                        {"acceleration_tau_s", acceleration_tau_s, 1e-3, 5},
+                       {"imu_force_tau_s", imu_force_tau_s, 1e-3, 5},
                        {"stale_after_s", stale_after_s, 0.01, 10},
                        {"predict_max_s", predict_max_s, 0.01, 10},
                        {"gap_max_s", gap_max_s, 0.01, 10}});
@@ -97,10 +100,12 @@ bool PlatformTracker::add(const PlatformImu& imu) {
     imu_w_N_ = imu.w_IN_N;
     imu_dw_N_.setZero();
     imu_f_N_ = imu.f_N;
+    imu_df_N_.setZero();
   } else {
     alpha_beta(imu_w_N_, imu_dw_N_, imu.w_IN_N, dt, config_.yaw_rate_tau_s,
                config_.acceleration_tau_s);
-    imu_f_N_ += gain(dt, config_.acceleration_tau_s) * (imu.f_N - imu_f_N_);
+    alpha_beta(imu_f_N_, imu_df_N_, imu.f_N, dt, config_.imu_force_tau_s,
+               config_.acceleration_tau_s);
   }
   has_imu_ = true;
   imu_t_ = imu.captured;
@@ -122,10 +127,11 @@ PlatformState PlatformTracker::at(Time t) const {
   while (k > first_ && history_[k % kHistory].t > t) --k;
   PlatformState state = predicted(history_[k % kHistory], t);
 
-  if (has_imu_ && std::abs(to_seconds(t - imu_t_)) < kImuFresh) {
-    state.w_IN_N = imu_w_N_ + imu_dw_N_ * to_seconds(t - imu_t_);
+  const double ahead = to_seconds(t - imu_t_);
+  if (has_imu_ && ahead > kImuBefore && ahead < kImuAhead) {
+    state.w_IN_N = imu_w_N_ + imu_dw_N_ * ahead;
     state.alpha_IN_N = imu_dw_N_;
-    state.a_IN_N = imu_f_N_ + gravity_N(state);
+    state.a_IN_N = imu_f_N_ + imu_df_N_ * ahead + gravity_N(state);
   }
   return state;
 }

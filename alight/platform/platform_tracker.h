@@ -13,6 +13,8 @@ struct PlatformTrackerConfig {
   double velocity_tau_s = 0.06;      ///< Smoothing of the speed reported.
   double yaw_rate_tau_s = 0.06;      ///< Smoothing of the yaw rate reported.
   double acceleration_tau_s = 0.20;  ///< Smoothing of the accelerations derived.
+  double imu_force_tau_s = 0.06;     ///< Smoothing of the IMU's specific force, which
+                                     ///< is carried on with its rate of change.
   double stale_after_s = 0.3;        ///< Older odometry is not to be acted on.
   double predict_max_s = 0.5;        ///< Beyond this the prediction stands still.
   double gap_max_s = 0.2;            ///< A longer gap starts the derivatives anew.
@@ -75,6 +77,7 @@ class PlatformTracker {
   Vector3 imu_w_N_ = Vector3::Zero();  ///< Filtered, as the next two.
   Vector3 imu_dw_N_ = Vector3::Zero();
   Vector3 imu_f_N_ = Vector3::Zero();
+  Vector3 imu_df_N_ = Vector3::Zero();
 };
 
 }  // namespace alight
