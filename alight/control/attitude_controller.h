@@ -12,9 +12,9 @@ namespace alight {
 /// the attitude loop is as slow as the position loop, on the modelled specific force.
 /// Chosen by control/loop_margins.h; docs/control.md has the numbers.
 struct AttitudeControllerConfig {
-  double kp = 9;      ///< 1/s^2, horizontal
-  double kv = 6;      ///< 1/s
-  double ka = 3.5;    ///< on the specific force
+  double kp = 6;      ///< 1/s^2, horizontal
+  double kv = 5;      ///< 1/s
+  double ka = 2.45;   ///< on the specific force
   double kp_z = 5.5;  ///< 1/s^2
   double kv_z = 5.6;  ///< 1/s
   double ka_z = 1.5;  ///< on the vertical specific force

@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
-#include <cstdlib>
-#include <cstdio>
 
 namespace alight {
 namespace {
@@ -49,10 +47,7 @@ Mission::Mission(const MissionConfig& config, const Rig& rig)
       gear_height_(rig.drone.gear_height_m),
       arm_(rig.drone.arm_m),
       from_lens_(level_from_lens(rig)),
-      tilt_max_(rig.drone.tilt_max_deg * kDegree) {
-  if (getenv("X_T")) config_.flare_s = atof(getenv("X_T"));
-  if (getenv("X_G")) config_.flare_share = atof(getenv("X_G"));
-}
+      tilt_max_(rig.drone.tilt_max_deg * kDegree) {}
 
 bool Mission::flying() const {
   switch (status_.state) {

@@ -16,7 +16,7 @@ struct MissionConfig {
   double follow_distance = 2.7;
   double rendezvous_distance = 2.2;
   double take_off_height_m = 0;  ///< First stop above the pad,
-  double take_off_back_m = 0.1;  ///< away from the lens by this, into the picture.
+  double take_off_back_m = 0.2;  ///< away from the lens by this, into the picture.
   bool start_on_floor = false;   ///< The first climb is blind.
 
   double climb_speed_m_s = 0.6;
@@ -64,8 +64,8 @@ struct MissionConfig {
   double ramp_to = 1.6;    ///< and its end.
   double ramp_timeout_s = 4;
   double lift_m = 0.012;          ///< Rise by which the drone has left the ground.
-  double slip_m = 0.03;           ///< Or so far to the side,
-  double slip_tilt_deg = 8;       ///< or tilted: feedback can wait no longer.
+  double slip_m = 0.01;           ///< Or so far to the side,
+  double slip_tilt_deg = 3;       ///< or tilted: feedback can wait no longer.
   double failsafe_s = 1;          ///< The autopilot's failsafe is given this to end.
   double blind_max_s = 3.2;       ///< From the floor: sight must come by then.
   double blind_ramp_rate = 0.25;  ///< As ramp_rate, from the floor: sight comes late.
