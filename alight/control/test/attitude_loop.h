@@ -114,6 +114,7 @@ struct AttitudeLoop {
 
       AttitudeInput in;
       in.platform = platform(effect);
+      in.platform_later = platform(effect + from_seconds(AttitudeInput::kLater));
       const Matrix3 R_NI = in.platform.X_IN.linear().transpose();
       in.state.p_NB = in.platform.X_IN.inverse() * xp;
       in.state.v_NB =

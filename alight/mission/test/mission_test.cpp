@@ -922,8 +922,8 @@ TEST(Mission, SlippingOrTippingAtTakeOffCountsAsLifted) {
                         {{0, 0, 0.014}, 0, true},
                         {{0, 0, 0.008}, 0, false},
                         // Over a foot: the middle rises, but it stands.
-                        {{0, 0, 0.0175}, 7, false},
-                        {{0, 0, 0.03}, 7, true}};
+                        {{0, 0, 0.0155}, 0.8 * tip, false},
+                        {{0, 0, 0.03}, 0.8 * tip, true}};
   for (const Case& c : cases) {
     SCOPED_TRACE(testing::Message() << c.slid.transpose() << " m, " << c.tip_deg);
     Flight f;
