@@ -71,7 +71,7 @@ MotionState extrapolate(const MotionState& state, const PredictionInput& input,
   return next;
 }
 
-Matrix15 process_covariance(const ProcessNoise& noise, Seconds dt) {
+Matrix15 process_covariance(const ProcessNoise& noise, Seconds dt, const Vector3& z_N) {
   // Integrals of the chains d -> v -> p and b -> v -> p; the turn of the axes and the
   // fading within dt are left out.
   const double qa = noise.acceleration * noise.acceleration;
@@ -96,6 +96,19 @@ Matrix15 process_covariance(const ProcessNoise& noise, Seconds dt) {
     Q(12 + i, 12 + i) = qb * dt;
     Q(i, 12 + i) = Q(12 + i, i) = qb * p_1;
     Q(6 + i, 12 + i) = Q(12 + i, 6 + i) = qb * v_1;
+  }
+  if (noise.thrust > 0) {
+    const Matrix3 A = noise.thrust * noise.thrust * z_N * z_N.transpose();
+    const auto both = [&](int row, int column, double share) {
+      Q.block<3, 3>(row, column) += share * A;
+      if (row != column) Q.block<3, 3>(column, row) += share * A;
+    };
+    both(0, 0, dt3 * dt2 / 20);
+    both(0, 6, dt2 * dt2 / 8);
+    both(6, 6, dt3 / 3);
+    both(0, 12, p_1);
+    both(6, 12, v_1);
+    both(12, 12, dt);
   }
   return Q;
 }

@@ -51,7 +51,11 @@ struct ProcessNoise {
   /// constant, s, in which these can follow.
   double acceleration = 0.1;
   double disturbance = 1.7;  ///< random walk of d_N, m/s^3 per sqrt(Hz)
-  double bias = 0.9;         ///< random walk of b_N, m/s^3 per sqrt(Hz)
+  double bias = 0.9;         ///< random walk of b_N, m/s^3 per sqrt(Hz),
+  double thrust = 0;         ///< and besides along z of B, where thrust changes fast
+  /// random walk of the rate of turn that w_NB_B lacks, rad/s^2 per sqrt(Hz); 0: it is
+  /// not estimated.
+  double turn = 0;
 };
 
 /// Carries a state over `dt` s (may be negative):
@@ -66,7 +70,9 @@ MotionState extrapolate(const MotionState& state, const PredictionInput& input,
                         Matrix15* F = nullptr);
 
 /// Covariance that `noise` adds over `dt` s >= 0, short against MotionModel::memory_s.
-Matrix15 process_covariance(const ProcessNoise& noise, Seconds dt);
+/// `z_N` is z of B in N. ProcessNoise::turn is not in it.
+Matrix15 process_covariance(const ProcessNoise& noise, Seconds dt,
+                            const Vector3& z_N = Vector3::UnitZ());
 
 /// x [+] d and a [-] b with the disturbances.
 MotionState boxplus(const MotionState& state, const Vector15& d);

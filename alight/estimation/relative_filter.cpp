@@ -18,6 +18,13 @@ constexpr Time kLongest = 60'000'000'000;
 constexpr double kOpen = 1e-2;         // px^-2, of a direction that is left open
 constexpr double kGatePerImage = 4.3;  // keeps a gate's share for 2 more dimensions
 constexpr double kLost = 100;          // m, standard deviation; nothing is known beyond
+constexpr double kTurnRateSd = 1;      // rad/s, at reset
+constexpr Seconds kTurnMemory = 1;     // drones do not go on turning
+// A drone that does not move as the model says (in a hand, on a cable) makes the
+// process noise grow with what pictures find improbable, and shrink by this share a
+// picture.
+constexpr double kRestlessKept = 0.9, kRestlessMost = 100;
+constexpr double kTurnAside = 0.2;  // rad; a turn so far off tells nothing of its rate
 
 bool finite(const PlatformState& p) {
   return p.X_IN.matrix().allFinite() && p.w_IN_N.allFinite() && p.a_IN_N.allFinite() &&
@@ -30,6 +37,7 @@ double largest_sd(const Matrix3& covariance) {
   return std::sqrt(std::max(0.0, solver.eigenvalues().maxCoeff()));
 }
 
+using Vector6 = Eigen::Matrix<double, 6, 1>;
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
 
 bool positive_definite(const Matrix2& m) {
@@ -125,6 +133,8 @@ void RelativeFilter::reset(Time t, const RelativeState& x,
     P_.diagonal().tail<3>().setConstant(b_sd * b_sd);
   }
   led_bias_.setZero();
+  turn_ = unknown_turn();
+  restless_ = 1;
   updates_ = 0;
   measured_v_NB_ = x.v_NB;
 }
@@ -137,6 +147,7 @@ Result<void> RelativeFilter::predict_to(Time t, const PredictionInput& given) {
   PredictionInput input = given;
   if (!config_.platform_motion) input.platform = PlatformState{};
   if (config_.model == ProcessModel::hover) input.f_N.setZero();
+  input.w_NB_B += turn_.w;
   if (!finite(input.platform) || !input.f_N.allFinite() || !input.w_NB_B.allFinite()) {
     return fail(Fault::invalid_input);
   }
@@ -145,10 +156,12 @@ Result<void> RelativeFilter::predict_to(Time t, const PredictionInput& given) {
   Matrix15 F;
   const MotionState next = extrapolate(state_, input, dt, config_.motion(), &F);
   ProcessNoise noise = config_.noise;
-  if (!config_.estimate_disturbance) noise.disturbance = noise.bias = 0;
+  if (!config_.estimate_disturbance) noise.disturbance = noise.bias = noise.thrust = 0;
   const Transition transition(F);
-  Matrix15 P = transition.carry(P_) + process_covariance(noise, dt);
+  Matrix15 P = transition.carry(P_) +
+               restless_ * process_covariance(noise, dt, state_.x.R_NB.col(2));
   P.diagonal().head<9>().array() += config_.variance_per_frame * dt / kFrame;
+  const TurnRate turn = noise.turn > 0 ? predict_turn(dt, F, P) : turn_;
   if (!P.allFinite() || !next.x.p_NB.allFinite() || !next.x.R_NB.allFinite() ||
       !next.x.v_NB.allFinite() || !next.disturbance_N().allFinite()) {
     return fail(Fault::invalid_input);
@@ -158,10 +171,61 @@ Result<void> RelativeFilter::predict_to(Time t, const PredictionInput& given) {
     return fail(Fault::degenerate);
   }
   state_ = next;
+  turn_ = turn;
   P_ = 0.5 * (P + P.transpose());
   if (knows_led_errors()) transition.carry(led_bias_);
   time_ = t;
   return {};
+}
+
+RelativeFilter::TurnRate RelativeFilter::unknown_turn() {
+  TurnRate turn;
+  turn.P = kTurnRateSd * kTurnRateSd * Matrix3::Identity();
+  return turn;
+}
+
+RelativeFilter::TurnRate RelativeFilter::predict_turn(Seconds dt, const Matrix15& F,
+                                                      Matrix15& P) const {
+  // R turns by the rate: P += F C' B' + B C F' + B W B', with B = dt in the rows of R.
+  const Eigen::Matrix<double, 15, 3> carried = F * turn_.cross.transpose();
+  P.middleCols<3>(3) += dt * carried;
+  P.middleRows<3>(3) += dt * carried.transpose();
+  P.block<3, 3>(3, 3) += dt * dt * turn_.P;
+  const double kept = std::exp(-dt / kTurnMemory);
+  const double q2 = restless_ * config_.noise.turn * config_.noise.turn;
+  TurnRate next;
+  next.w = kept * turn_.w;
+  next.cross = kept * carried.transpose();
+  next.cross.middleCols<3>(3) += kept * dt * turn_.P;
+  next.P = kept * kept * turn_.P;
+  next.P.diagonal().array() += q2 * kTurnMemory / 2 * (1 - kept * kept);
+  return next;
+}
+
+void RelativeFilter::learn_turn(const MotionState& next, const Matrix15& P) {
+  // It follows the measured pose by regression, as the velocity does. The tangents
+  // before and after are taken for one: that holds for small turns.
+  const Vector6 e = boxminus(next.x, state_.x).head<6>();
+  const Matrix6 P_prior = P_.topLeftCorner<6, 6>();
+  const Eigen::Matrix<double, 3, 6> G =
+      P_prior.llt().solve(turn_.cross.leftCols<6>().transpose()).transpose();
+  const Eigen::Matrix<double, 6, 15> change = P.topRows<6>() - P_.topRows<6>();
+  const Matrix3 W = turn_.P + G * change.leftCols<6>() * G.transpose();
+  if (!(e.tail<3>().norm() < kTurnAside && W.diagonal().minCoeff() > 0)) {
+    turn_ = unknown_turn();
+    return;
+  }
+  turn_.w += G * e;
+  turn_.cross += G * change;
+  turn_.P = 0.5 * (W + W.transpose());
+}
+
+void RelativeFilter::learn_restlessness() {
+  double sum = 0;
+  for (const ObservationReport& o : report_.seen) sum += o.nis;
+  const double mean = sum / (2 * report_.used);  // 1 by the model
+  restless_ = std::clamp(kRestlessKept * restless_, 1.0, kRestlessMost);
+  restless_ = std::clamp(mean * restless_, restless_, kRestlessMost);
 }
 
 Result<void> RelativeFilter::prepare(const LedFrame& frame,
@@ -336,6 +400,10 @@ Result<UpdateReport> RelativeFilter::update(const LedFrame& frame,
   const auto done = map_update(camera_, leds_, measurements, options, next, P,
                                knows_led_errors() ? &led_bias_ : nullptr);
   if (!done) return fail(done.error());
+  if (config_.noise.turn > 0) {
+    learn_turn(next, P);
+    learn_restlessness();
+  }
   state_ = next;
   P_ = P;
   report.iterations = done->iterations;

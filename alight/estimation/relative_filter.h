@@ -72,6 +72,8 @@ class RelativeFilter {
   const UpdateReport& last_report() const { return report_; }
 
   Time time() const { return time_; }
+  /// When a picture was fused the last time; of use once one has been since reset().
+  Time last_update() const { return last_update_; }
   const RelativeState& state() const { return state_.x; }
   const MotionState& motion_state() const { return state_; }
   /// Acceleration the inputs do not explain, d + b, in N, m/s^2.
@@ -105,6 +107,17 @@ class RelativeFilter {
   void add_depth(const LedObservation& o, const Pose& X_NB,
                  const Eigen::Matrix<double, 6, 6>& P, double z,
                  MeasuredImage& out) const;
+  /// Rate of turn in B beside the input's (ProcessNoise::turn).
+  struct TurnRate {
+    Vector3 w = Vector3::Zero();
+    Matrix3 P = Matrix3::Zero();
+    Eigen::Matrix<double, 3, 15> cross =
+        Eigen::Matrix<double, 3, 15>::Zero();  ///< Covariance with the state.
+  };
+  static TurnRate unknown_turn();
+  TurnRate predict_turn(Seconds dt, const Matrix15& F, Matrix15& P) const;
+  void learn_turn(const MotionState& next, const Matrix15& P);
+  void learn_restlessness();
   void learn_velocity();
   void watch_residuals();
   double led_sd_m() const;
@@ -125,6 +138,8 @@ class RelativeFilter {
   // each), carried along as the filter carries errors (Schmidt 1966, consider states).
   LedBias led_bias_;
   ResidualWatch watch_;
+  TurnRate turn_;
+  double restless_ = 1;  // factor on the process noise
 
   // The paper's velocity measurement.
   int updates_ = 0;  // since reset

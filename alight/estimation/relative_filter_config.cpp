@@ -21,6 +21,8 @@ Result<void> RelativeFilterConfig::validate() const {
       {"noise.acceleration", noise.acceleration, 0, 1000},
       {"noise.disturbance", noise.disturbance, 0, 1000},
       {"noise.bias", noise.bias, 0, 1000},
+      {"noise.thrust", noise.thrust, 0, 1000},
+      {"noise.turn", noise.turn, 0, 1000},
       {"disturbance_memory_s", disturbance_memory_s, 1, 1e6},
       {"disturbance_sd", disturbance_sd, 1e-6, 100},
       {"bias_sd", bias_sd, 1e-6, 100},
@@ -83,7 +85,15 @@ RelativeFilterConfig RelativeFilterConfig::paper() {
 RelativeFilterConfig RelativeFilterConfig::camera_only() {
   RelativeFilterConfig c;
   c.model = ProcessModel::hover;
-  c.noise = {.rate = 0.3, .acceleration = 0.3, .disturbance = 1.4, .bias = 1.4};
+  // A drone's force lies along z of B, so that its attitude tells of its acceleration;
+  // how large it is, and how fast the drone turns, changes within tenths of a second,
+  // drag within seconds.
+  c.noise = {.rate = 0.02,
+             .acceleration = 0.1,
+             .disturbance = 0.4,
+             .bias = 0.4,
+             .thrust = 2.5,
+             .turn = 2};
   c.pixel_sd_px = 0.02;
   // The pose against the camera: where that stands, its pictures do not tell.
   c = c.with_perfect_rig();

@@ -7,6 +7,8 @@
 namespace alight {
 namespace {
 
+constexpr double kAnyFit = 1e9;  // px
+
 Covariance9 covariance_of(const PoseFit& fit, double velocity_sd) {
   Covariance9 cov = Covariance9::Zero();
   cov.topLeftCorner<6, 6>() = 4 * fit.cov;  // one picture's own word, taken with care
@@ -202,7 +204,19 @@ bool RelativeEstimator::follow(const CameraFrame& frame, FrameReport& out,
       leds = resolver_.follow(frame.color, *blobs, X_NB, config_.direct_gate_px,
                               {blur.data(), blur.size()}, frame.captured);
     }
-    if (leds && accept(*leds, true, out, probe)) return true;
+    if (leds && accept(*leds, leds->seen.size(), kAnyFit, out, probe)) return true;
+  }
+  if (config_.tell_apart) {
+    LedFrame leds;
+    {
+      const ProbeScope scope(probe, Stage::associate);
+      leds = resolver_.hold(frame.color, *blobs, X_NB, cov, 3 * usual_rms_px_,
+                            {blur.data(), blur.size()}, frame.captured);
+    }
+    // Once fused, there is nothing left to fuse, be it enough for a pose or not.
+    const bool enough =
+        !leds.seen.empty() && accept(leds, leds.seen.size(), kAnyFit, out, probe);
+    if (enough || filter_.last_update() == frame.captured) return enough;
   }
   LedFrame leds;
   int by_blobs = 0;  // LEDs that the tracker saw; dim ones beside them prove nothing
@@ -221,15 +235,32 @@ bool RelativeEstimator::follow(const CameraFrame& frame, FrameReport& out,
     out.why_not = "too few LEDs to be sure";
     return false;
   }
-  return accept(leds, false, out, probe);
+  const double rms_max = usual_rms_px_ > 0 ? exact_px() : kAnyFit;
+  return accept(leds, 0, rms_max, out, probe);
 }
 
-bool RelativeEstimator::accept(const LedFrame& leds, bool only_if_good,
-                               FrameReport& out, Probe* probe) {
+double RelativeEstimator::exact_px() const {
+  return std::max(config_.search_rms_px, config_.search_rms_factor * usual_rms_px_);
+}
+
+bool RelativeEstimator::well_known() const {
+  const auto P = filter_.tracking_covariance();
+  const double p_sd = std::sqrt(P.topLeftCorner<3, 3>().trace());
+  const double turn_sd = std::sqrt(P.block<3, 3>(3, 3).trace());
+  return p_sd < config_.known_sd_m && turn_sd < config_.known_sd_deg * kDegree;
+}
+
+bool RelativeEstimator::accept(const LedFrame& leds, std::size_t agreeing,
+                               double rms_max_px, FrameReport& out, Probe* probe) {
   const ProbeScope scope(probe, Stage::filter);
-  const auto report =
-      filter_.update(leds, only_if_good ? leds.seen.size() : std::size_t{0});
-  if (!report && only_if_good) return false;
+  std::optional<RelativeFilter> before;
+  if (rms_max_px < kAnyFit) before = filter_;
+  auto report = filter_.update(leds, agreeing);
+  if (report && report->reprojection_px > rms_max_px) {
+    filter_ = *before;
+    report = fail(Fault::ambiguous);
+  }
+  if (!report && agreeing > 0) return false;
   if (expecting_) remember_rest(leds);
   out.refused = leds.refused;
   if (!report) {
@@ -247,8 +278,8 @@ bool RelativeEstimator::accept(const LedFrame& leds, bool only_if_good,
   for (const RefusedBlob& refused : report->refused) out.refused.push_back(refused);
   out.reprojection_px = report->reprojection_px;
   // Fewer than three directions leave the pose to the prediction.
-  out.tracked =
-      report->used >= 3 && report->reprojection_px < config_.reprojection_max_px;
+  out.tracked = report->reprojection_px < config_.reprojection_max_px &&
+                (report->used >= 3 || (config_.tell_apart && well_known()));
   if (!out.tracked) out.why_not = "too few LEDs fit";
   if (out.tracked && report->used >= 5) {
     usual_rms_px_ += usual_rms_px_ > 0
@@ -357,19 +388,17 @@ void RelativeEstimator::place_by_pixels(const CameraFrame& frame, BlobSpan blobs
 }
 
 bool RelativeEstimator::believable(const FoundLeds& found, Time t) {
+  // Lamps that look like the constellation do so less exactly than the LEDs did.
+  if (usual_rms_px_ > 0 && found.fit.rms_px > exact_px()) {
+    confirmations_ = 0;
+    return false;
+  }
   const Seconds unseen = to_seconds(t - last_sight_);
   if (near(filter_.state().X_NB(), found.fit.X_NB,
            config_.search_gate_m + config_.search_drift_m_s * unseen,
            config_.search_turn_deg * kDegree)) {
     confirmations_ = 0;
     return true;
-  }
-  // Lamps that look like the constellation do so less exactly than the LEDs did.
-  if (usual_rms_px_ > 0 &&
-      found.fit.rms_px >
-          std::max(config_.search_rms_px, config_.search_rms_factor * usual_rms_px_)) {
-    confirmations_ = 0;
-    return false;
   }
   return found.frame.led_count() >= config_.search_leds && confirmed(found.fit.X_NB);
 }

@@ -26,13 +26,16 @@ struct RelativeEstimatorConfig {
   bool keep_rivals =
       true;  ///< Poses that one picture cannot tell apart, until more do.
   RivalPosesConfig rivals;
-  bool calibrate_at_rest = true;   ///< Before take-off from the pad.
-  int rest_pictures = 20;          ///< That many of each LED at least.
-  double rest_led_sd_m = 0.0008;   ///< How well LEDs are known then.
-  double prediction_step_ms = 5;   ///< Inputs are held this long.
-  int frozen_pictures = 0;         ///< So many alike to the last bit in a row are those
-                                   ///< of a camera that has stopped: no sight, while
-                                   ///< the drone flies. 0: not looked at.
+  bool calibrate_at_rest = true;  ///< Before take-off from the pad.
+  int rest_pictures = 20;         ///< That many of each LED at least.
+  double rest_led_sd_m = 0.0008;  ///< How well LEDs are known then.
+  double prediction_step_ms = 5;  ///< Inputs are held this long.
+  int frozen_pictures = 0;        ///< So many alike to the last bit in a row are those
+                                  ///< of a camera that has stopped: no sight, while
+                                  ///< the drone flies. 0: not looked at.
+  // Fewer than three LEDs do for a pose that is known this well (sd) with them:
+  double known_sd_m = 0.05;
+  double known_sd_deg = 7;
   int misses_before_search = 3;    ///< Frames without a match before the whole picture
                                    ///< is searched,
   int leds_after_misses = 4;       ///< and LEDs needed to be taken up again from then.
@@ -117,9 +120,13 @@ class RelativeEstimator {
   bool believable_on_floor(const FoundLeds& found);
   bool confirmed(const Pose& X_NB);
   bool follow(const CameraFrame& frame, FrameReport& out, Probe* probe);
-  /// Updates the filter and tells of it. With `only_if_good` nothing happens unless
-  /// every observation agrees with the prediction.
-  bool accept(const LedFrame& leds, bool only_if_good, FrameReport& out, Probe* probe);
+  /// Updates the filter and tells of it. Nothing happens unless `agreeing` observations
+  /// agree with the prediction and the fit is as exact as `rms_max_px`.
+  bool accept(const LedFrame& leds, std::size_t agreeing, double rms_max_px,
+              FrameReport& out, Probe* probe);
+  bool well_known() const;
+  /// A fit of LEDs is at least so exact, as far as has been seen.
+  double exact_px() const;
   /// Whether the camera has stopped: its pictures repeat to the last bit.
   bool frozen(const CameraFrame& frame);
   /// The LEDs where they are expected: a fit with all but one of them in view.

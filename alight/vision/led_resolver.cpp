@@ -18,7 +18,14 @@ constexpr double kDimLeast = 12;       // grey levels of an LED that has no blob
 constexpr std::size_t kSureLeds = 3;   // with blobs of their own, before dim ones count
 constexpr double kGoodChi2 = 3;        // per pixel; a worse fit is tried again
 constexpr double kStrangerReach = 15;  // px around the constellation
-constexpr double kNoiseLeast = 0.1, kNoiseMost = 4;    // of chi2 per pixel
+constexpr double kNoiseLeast = 0.1, kNoiseMost = 4;  // of chi2 per pixel
+constexpr int kHoldMargin = 1;        // px around a lamp that its light reaches
+constexpr double kHoldGate = 3;       // standard deviations, besides
+constexpr double kHoldSlack = 0.4;    // px
+constexpr double kHoldPlaceSd = 0.5;  // px; a worse place may be a lamp's doing
+constexpr double kHoldChi2 = 3;       // per pixel, times what is usual
+constexpr double kHoldHeight = 2.5;   // factor by which an LED's light may change
+constexpr double kFull = 200;         // grey levels; brighter LEDs may look white
 constexpr double kSpreadLeast = 0.3, kSpreadMost = 9;  // px^2
 
 /// Takes the LEDs for which `keep` is false out of the information, the rest being
@@ -49,6 +56,23 @@ GroupMatrix marginal(const GroupMatrix& information, std::span<const int> keep) 
   const GroupMatrix H_kd = block(keep, gone);
   const Eigen::LLT<GroupMatrix> llt(H_dd);
   return block(keep, keep) - H_kd * llt.solve(H_kd.transpose());
+}
+
+/// All of its box; with a margin what its shape covers, lamps in a row taken for a bar.
+ForeignLight foreign_light(const Blob& blob, int margin_px) {
+  ForeignLight light{.box = blob.box};
+  if (margin_px == 0) return light;
+  light.box = {blob.box.u0 - margin_px, blob.box.v0 - margin_px,
+               blob.box.u1 + margin_px, blob.box.v1 + margin_px};
+  light.middle = blob.uv;
+  const Vector2 stretch = stretch_of(blob.spread);
+  const double turn = 0.5 * std::atan2(stretch.y(), stretch.x());
+  light.along = Vector2(std::cos(turn), std::sin(turn));
+  const double mean = 0.5 * blob.spread.trace(), half = 0.5 * stretch.norm();
+  // An even bar reaches sqrt(3) standard deviations, its rim is dim.
+  light.half_length = std::sqrt(3 * std::max(mean + half, 0.0)) + 1 + margin_px;
+  light.half_width = std::sqrt(3 * std::max(mean - half, 0.0)) + 1 + margin_px;
+  return light;
 }
 
 }  // namespace
@@ -160,7 +184,7 @@ void LedResolver::add(const Patch& patch, BlobSpan blobs, const Assignment& matc
 
 void LedResolver::fit(const ImageView& image, BlobSpan blobs, const Assignment& match,
                       const LedImages& images, std::span<const Vector2> blur_px,
-                      Patch& patch) const {
+                      int margin_px, Patch& patch) const {
   const auto count = static_cast<double>(patch.members.size());
   if (patch.members.size() > kMaxGroup) return;
   if (patch.area_px > config_.area_max_px * count) return;
@@ -177,12 +201,13 @@ void LedResolver::fit(const ImageView& image, BlobSpan blobs, const Assignment& 
   if (starts.size() == 1 && first >= 0) {
     starts[0] = blobs[static_cast<std::size_t>(first)].uv;
   }
-  FixedVector<Roi, 32> foreign;
+  FixedVector<ForeignLight, 32> foreign;
   for (std::size_t j = 0; j < blobs.size(); ++j) {
     if ((blobs[j].uv - starts[0]).cwiseAbs().maxCoeff() > kForeignReach) continue;
     const bool used = std::find(match.blob.begin(), match.blob.end(),
                                 static_cast<int>(j)) != match.blob.end();
-    if (!used) foreign.push_back(blobs[j].box);
+    if (used) continue;
+    foreign.push_back(foreign_light(blobs[j], margin_px));
   }
   auto found =
       fit_spots(image, {starts.data(), starts.size()}, {heights.data(), heights.size()},
@@ -241,7 +266,7 @@ void LedResolver::resolve(const ImageView& image, BlobSpan blobs,
   // rest.
   bool all = true;
   for (Patch& patch : patches) {
-    if (patch.area_px > 0) fit(image, blobs, match, images, blur_px, patch);
+    if (patch.area_px > 0) fit(image, blobs, match, images, blur_px, 0, patch);
     all = all && patch.fit && patch.fit->chi2_per_pixel < kGoodChi2;
   }
   const auto collect = [&] {
@@ -273,7 +298,7 @@ void LedResolver::resolve(const ImageView& image, BlobSpan blobs,
       for (Patch& patch : patches) {
         if (patch.fit && patch.fit->chi2_per_pixel < kGoodChi2) continue;
         if (patch.area_px == 0 && (patch.members.size() > 1 || !sure)) continue;
-        fit(image, blobs, match, again, blur_px, patch);
+        fit(image, blobs, match, again, blur_px, 0, patch);
       }
       out = collect();
     }
@@ -338,7 +363,7 @@ std::optional<LedFrame> LedResolver::follow(const ImageView& image, BlobSpan blo
   LedFrame out;
   out.t = t;
   for (Patch& patch : patches) {
-    fit(image, blobs, match, images, blur_px, patch);
+    fit(image, blobs, match, images, blur_px, 0, patch);
     if (patch.fit) {
       add(patch, blobs, match, out);
       continue;
@@ -376,6 +401,112 @@ std::optional<LedFrame> LedResolver::follow(const ImageView& image, BlobSpan blo
   }
   lit_ = lit;
   for (const Patch& patch : patches) learn(patch);
+  return out;
+}
+
+bool LedResolver::is_its_own(const Blob& blob, int led, const Vector2& blur_px) const {
+  const double height = heights_[static_cast<std::size_t>(led)];
+  const bool may_be_white = height == 0 || height > kFull;
+  if (config_.use_color && !colors_agree(blob.color, leds_.color(led), may_be_white)) {
+    return false;
+  }
+  const double widest = 2 * spot_reach_px(spread_, blur_px) + 2;
+  return !blob.cut && blob.area_px <= config_.area_max_px &&
+         blob.box.u1 - blob.box.u0 <= widest && blob.box.v1 - blob.box.v0 <= widest;
+}
+
+LedFrame LedResolver::hold(const ImageView& image, BlobSpan blobs,
+                           const Pose& X_NB_predicted, const Matrix6& cov,
+                           double slack_px, std::span<const Vector2> blur_px, Time t) {
+  LedFrame out;
+  out.t = t;
+  const LedImages images = led_images(camera_, leds_, X_NB_predicted);
+  if (images.count < leds_.size()) return out;
+  const auto count = static_cast<std::size_t>(leds_.size());
+  std::array<double, kMaxLeds> variance{};  // of the expected images, px^2
+  for (std::size_t i = 0; i < count; ++i) {
+    Matrix26 J;
+    project_led(camera_, X_NB_predicted, leds_.p_BL(static_cast<int>(i)), &J);
+    const Matrix2 S = J * cov * J.transpose();
+    variance[i] = S.trace();
+    if (!(variance[i] <= 2 * kHoldSd * kHoldSd)) return out;
+  }
+
+  // An LED's own blob stands where it is expected, or half way to a neighbour with
+  // which it runs together.
+  const double touch = config_.touch * spot_reach_px(spread_, Vector2::Zero());
+  Assignment match;
+  std::uint16_t beside_lamp = 0;
+  for (std::size_t i = 0; i < count; ++i) {
+    double aside = 0;
+    for (std::size_t k = 0; k < count; ++k) {
+      const double d = (images.uv[k] - images.uv[i]).norm();
+      if (k != i && d < touch) aside = std::max(aside, d / 2);
+    }
+    double reach = kHoldGate * std::sqrt(variance[i]) + kHoldSlack + slack_px + aside;
+    for (std::size_t j = 0; j < blobs.size(); ++j) {
+      const double d = (blobs[j].uv - images.uv[i]).norm();
+      if (d >= reach) continue;
+      if (is_its_own(blobs[j], static_cast<int>(i), blur_px[i])) {
+        reach = d;
+        match.blob[i] = static_cast<int>(j);
+      } else if (blobs[j].area_px > config_.area_max_px &&
+                 (heights_[i] == 0 || heights_[i] > kFull)) {
+        return out;  // near the lens LEDs are as large as lamps
+      }
+    }
+    if (match.blob[i] >= 0) continue;
+    for (const Blob& blob : blobs) {
+      const Vector2& uv = images.uv[i];
+      if (uv.x() > blob.box.u0 - touch && uv.x() < blob.box.u1 + touch &&
+          uv.y() > blob.box.v0 - touch && uv.y() < blob.box.v1 + touch) {
+        beside_lamp = static_cast<std::uint16_t>(beside_lamp | (1u << i));
+      }
+    }
+  }
+
+  std::uint16_t lit = 0;
+  for (Patch& patch : patches(images, blobs, match)) {
+    fit(image, blobs, match, images, blur_px, kHoldMargin, patch);
+    if (!patch.fit || patch.fit->chi2_per_pixel > kHoldChi2 * std::max(noise_, 1.0)) {
+      continue;
+    }
+    LedFrame seen;
+    add(patch, blobs, match, seen);
+    bool sure = !seen.seen.empty();
+    for (const LedObservation& o : seen.seen) {
+      const auto i = static_cast<std::size_t>(std::countr_zero(o.leds));
+      const double most =
+          kHoldGate * std::sqrt(variance[i] + o.cov.trace()) + kHoldSlack + slack_px;
+      sure = sure && (o.uv - images.uv[i]).norm() < most &&
+             o.cov.trace() < 2 * kHoldPlaceSd * kHoldPlaceSd;
+      const auto member =
+          std::find(patch.members.begin(), patch.members.end(), static_cast<int>(i)) -
+          patch.members.begin();
+      const double usual = heights_[i];
+      const double now = patch.fit->height[static_cast<std::size_t>(member)];
+      // Without a blob only a light that is known.
+      sure = sure && (usual > 0 ? now < kHoldHeight * usual && usual < kHoldHeight * now
+                                : match.blob[i] >= 0);
+    }
+    if (!sure) continue;
+    for (OverlappingLeds group : seen.groups) {
+      group.first += static_cast<int>(out.seen.size());
+      out.groups.push_back(group);
+    }
+    for (const LedObservation& o : seen.seen) {
+      out.seen.push_back(o);
+      lit = static_cast<std::uint16_t>(lit | o.leds);
+    }
+  }
+  for (std::size_t j = 0; j < blobs.size(); ++j) {
+    if (std::find(match.blob.begin(), match.blob.end(), static_cast<int>(j)) ==
+        match.blob.end()) {
+      out.refused.push_back({blobs[j].uv, Refusal::no_led_near});
+    }
+  }
+  // What a lamp covers shines on.
+  lit_ = static_cast<std::uint16_t>(lit | (lit_ & beside_lamp));
   return out;
 }
 

@@ -48,6 +48,19 @@ class LedResolver {
                                  const Pose& X_NB_predicted, double gate_px,
                                  std::span<const Vector2> blur_px, Time t);
 
+  /// The same among other lights, which cover some of the LEDs or run together with
+  /// them: what is no LED by its colour, size or place is left out with all its pixels,
+  /// and each LED stands for itself.
+  ///
+  /// @param cov       Of (dp_NB, dR in B) of the prediction. Nothing is looked for
+  ///                  unless every image is known by it to kHoldSd px.
+  /// @param slack_px  What LEDs are off besides, by an inexact rig.
+  /// @returns the LEDs that are seen beyond doubt; may be empty.
+  LedFrame hold(const ImageView& image, BlobSpan blobs, const Pose& X_NB_predicted,
+                const Matrix6& cov, double slack_px, std::span<const Vector2> blur_px,
+                Time t);
+  static constexpr double kHoldSd = 1.5;
+
   const PointSpread& spread() const { return spread_; }
 
   /// @pre as many LEDs as before.
@@ -68,8 +81,9 @@ class LedResolver {
   void add(const Patch& patch, BlobSpan blobs, const Assignment& match,
            LedFrame& out) const;
   void fit(const ImageView& image, BlobSpan blobs, const Assignment& match,
-           const LedImages& images, std::span<const Vector2> blur_px,
+           const LedImages& images, std::span<const Vector2> blur_px, int margin_px,
            Patch& patch) const;
+  bool is_its_own(const Blob& blob, int led, const Vector2& blur_px) const;
 
   LedResolverConfig config_;
   Camera camera_;

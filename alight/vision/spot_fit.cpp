@@ -49,7 +49,7 @@ void take(const ImageView& image, int u, int v, std::size_t at, Pixels& out) {
 }
 
 bool gather(const ImageView& image, std::span<const Vector2> starts, double reach,
-            std::span<const Roi> foreign, Pixels& out) {
+            std::span<const ForeignLight> foreign, Pixels& out) {
   Vector2 low = starts[0], high = starts[0];
   for (const Vector2& uv : starts) {
     low = low.cwiseMin(uv);
@@ -75,9 +75,7 @@ bool gather(const ImageView& image, std::span<const Vector2> starts, double reac
         near = near || du * du + dv * dv <= reach2;
       }
       if (!near) continue;
-      const auto inside = [&](const Roi& box) {
-        return u >= box.u0 && u < box.u1 && v >= box.v0 && v < box.v1;
-      };
+      const auto inside = [&](const ForeignLight& light) { return light.covers(u, v); };
       if (std::any_of(foreign.begin(), foreign.end(), inside)) continue;
       if (count == kPixelsMax) return false;
       take(image, u, v, count++, out);
@@ -281,7 +279,7 @@ std::optional<SpotFit> fit_spots(const ImageView& image,
                                  std::span<const Vector2> starts,
                                  std::span<const double> heights,
                                  const PointSpread& spread, const Vector2& blur_px,
-                                 std::span<const Roi> foreign) {
+                                 std::span<const ForeignLight> foreign) {
   if (starts.empty() || starts.size() > kMaxGroup) return std::nullopt;
   Pixels pixels;
   if (!gather(image, starts, spot_reach_px(spread, blur_px), foreign, pixels)) {

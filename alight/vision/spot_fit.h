@@ -1,5 +1,6 @@
 #pragma once
 #include <array>
+#include <cmath>
 #include <optional>
 #include <span>
 
@@ -17,6 +18,22 @@ struct PointSpread {
 
 /// How far a light's pixels reach that fit_spots looks at.
 double spot_reach_px(const PointSpread& spread, const Vector2& blur_px);
+
+/// A light that is none of those looked for: its pixels are left out.
+struct ForeignLight {
+  static constexpr double kAll = 1e9;
+  Roi box;  ///< Within it, so far along and across a line through its middle:
+  Vector2 middle = Vector2::Zero();
+  Vector2 along = Vector2::UnitX();
+  double half_length = kAll, half_width = kAll;  ///< px
+
+  bool covers(int u, int v) const {
+    if (u < box.u0 || u >= box.u1 || v < box.v0 || v >= box.v1) return false;
+    const Vector2 d(u - middle.x(), v - middle.y());
+    return std::abs(along.dot(d)) <= half_length &&
+           std::abs(along.x() * d.y() - along.y() * d.x()) <= half_width;
+  }
+};
 
 /// The lights of one patch of a picture, told apart.
 struct SpotFit {
@@ -41,7 +58,7 @@ struct SpotFit {
 /// @param starts  px, where each is expected; off by less than about a pixel and a
 ///                half.
 /// @param blur_px Displacement of the images during the exposure.
-/// @param foreign Boxes of lights that are none of these; their pixels are left out.
+/// @param foreign Lights that are none of these.
 /// @returns nothing when the lights leave the picture, or what is found is none of the
 ///          expected: too far off, or of another shape.
 /// @param heights  As SpotFit::height where they are expected; 0 or none: unknown.
@@ -49,6 +66,6 @@ std::optional<SpotFit> fit_spots(const ImageView& image,
                                  std::span<const Vector2> starts,
                                  std::span<const double> heights,
                                  const PointSpread& spread, const Vector2& blur_px,
-                                 std::span<const Roi> foreign);
+                                 std::span<const ForeignLight> foreign);
 
 }  // namespace alight

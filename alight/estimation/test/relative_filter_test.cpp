@@ -304,6 +304,64 @@ TEST(RelativeFilter, SameInputSameBits) {
   EXPECT_EQ(a.filter.covariance(), b.filter.covariance());
 }
 
+/// Rotation error, rad, 0.3 s after the last picture of a drone that turns on the spot.
+double off_after_blackout(const RelativeFilterConfig& config) {
+  const Rig rig = alan_rig();
+  RelativeFilter filter = RelativeFilter::create(config, rig.camera, rig.leds).value();
+  const auto truth = [](double t) {
+    RelativeState x;
+    x.p_NB = Vector3(-0.85, 0, 0.6);
+    x.R_NB = from_rpy(0, 0, 0.8 * (t - 0.5));
+    return x;
+  };
+  Rng rng(3);
+  filter.reset(0, truth(0), start_covariance());
+  for (int k = 1; k <= 78; ++k) {
+    const Time t = from_seconds(k / 60.0);
+    EXPECT_TRUE(filter.predict_to(t, {}).has_value());
+    if (k > 60) continue;
+    const Pose X_NB = truth(to_seconds(t)).X_NB();
+    EXPECT_TRUE(
+        filter.update(picture(rig.camera, rig.leds, X_NB, t, 0.1, rng)).has_value());
+  }
+  expect_sound(filter);
+  return angle_between(filter.state().R_NB, truth(78 / 60.0).R_NB);
+}
+
+TEST(RelativeFilter, LearnsTheRateOfTurnThatNobodyTells) {
+  RelativeFilterConfig config = RelativeFilterConfig::camera_only();
+  EXPECT_LT(off_after_blackout(config), 6 * kDegree);
+  config.noise.turn = 0;
+  config.noise.rate = 0.3;
+  EXPECT_GT(off_after_blackout(config), 10 * kDegree);
+}
+
+TEST(RelativeFilter, FollowsWhatMovesAsNoDroneDoes) {
+  // Carried to and fro upright: its attitude tells nothing of its acceleration.
+  const Rig rig = alan_rig();
+  RelativeFilter filter =
+      RelativeFilter::create(RelativeFilterConfig::camera_only(), rig.camera, rig.leds)
+          .value();
+  const auto truth = [](double t) {
+    const double w = 2 * kPi * 0.7;
+    RelativeState x;
+    x.p_NB = Vector3(-0.85, 0.3 * std::sin(w * t), 0.6);
+    x.v_NB = Vector3(0, 0.3 * w * std::cos(w * t), 0);
+    return x;
+  };
+  Rng rng(4);
+  filter.reset(0, truth(0), start_covariance());
+  for (int k = 1; k <= 240; ++k) {
+    const Time t = from_seconds(k / 60.0);
+    const Pose X_NB = truth(to_seconds(t)).X_NB();
+    ASSERT_TRUE(filter.predict_to(t, {}).has_value());
+    ASSERT_TRUE(
+        filter.update(picture(rig.camera, rig.leds, X_NB, t, 0.1, rng)).has_value())
+        << k;
+    EXPECT_LT((filter.state().p_NB - X_NB.translation()).norm(), 0.02) << k;
+  }
+}
+
 TEST(RelativeFilterConfig, EveryProfileIsValid) {
   EXPECT_TRUE(RelativeFilterConfig{}.validate().has_value());
   EXPECT_TRUE(RelativeFilterConfig::paper().validate().has_value());

@@ -118,6 +118,53 @@ TEST(LedResolver, ALightNearbyThatMayBeTheMissingLedIsSomebodyElsesTask) {
   EXPECT_GE(handed_on, 36);
 }
 
+TEST(LedResolver, HoldsTheLedsThatARowOfLampsLeavesInView) {
+  Rng rng(8);
+  Matrix6 cov = Matrix6::Zero();
+  cov.diagonal() << Vector3::Constant(4e-6), Vector3::Constant(2.5e-5);
+  int runs = 0, leds = 0, wrong = 0, most = 0, covered = 0;
+  for (; runs < 80; ++runs) {
+    Scene scene(rng, 1.5, 2.5);
+    LedResolver resolver = scene.resolver();
+    resolver.follow(scene.picture.view(), scene.blobs(), scene.predicted(rng), 2.5,
+                    {scene.still.data(), scene.still.size()}, 0);
+    // Slats aslant over one of them, brighter than any LED.
+    const int under = runs % 6;
+    const Vector2 at =
+        *project_led(scene.rig.camera, scene.X_NB, scene.rig.leds.p_BL(under));
+    const double turn = rng.uniform(0, kPi);
+    for (int k = -4; k <= 4; ++k) {
+      scene.picture.add(at + 4.0 * k * Vector2(std::cos(turn), std::sin(turn)),
+                        LedColor::white, 2000, 1.1);
+    }
+    scene.picture.expose(rng);
+    const LedFrame frame =
+        resolver.hold(scene.picture.view(), scene.blobs(), scene.predicted(rng), cov, 0,
+                      {scene.still.data(), scene.still.size()}, 0);
+    most = std::max(most, static_cast<int>(frame.seen.size()));
+    for (const LedObservation& o : frame.seen) {
+      ++leds;
+      if (o.leds == (1u << under)) ++covered;
+      if (scene.error_px(o) > 0.6) ++wrong;
+    }
+  }
+  EXPECT_GE(most, 5);
+  EXPECT_GE(leds, 1.5 * runs);
+  EXPECT_LE(covered, 0.02 * runs);
+  EXPECT_LE(wrong, 0.02 * leds);
+}
+
+TEST(LedResolver, HoldsNothingByAVaguePrediction) {
+  Rng rng(9);
+  Scene scene(rng, 1, 2);
+  LedResolver resolver = scene.resolver();
+  const Matrix6 vague = 1e-3 * Matrix6::Identity();  // 3 cm
+  EXPECT_TRUE(resolver
+                  .hold(scene.picture.view(), scene.blobs(), scene.X_NB, vague, 0,
+                        {scene.still.data(), scene.still.size()}, 0)
+                  .seen.empty());
+}
+
 TEST(LedResolver, LearnsThePointSpread) {
   Rng rng(4);
   LedResolver resolver = Scene(rng, 1, 2).resolver();

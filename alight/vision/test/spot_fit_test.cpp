@@ -131,7 +131,7 @@ TEST(SpotFit, RefusesWhatIsNotThere) {
   Picture picture(3, 100, 80);
   picture.add({50, 40}, LedColor::red, 200, 1);
   const ImageView image = picture.expose(rng);
-  const auto at = [&](const Vector2& uv, std::span<const Roi> foreign = {}) {
+  const auto at = [&](const Vector2& uv, std::span<const ForeignLight> foreign = {}) {
     const Vector2 starts[] = {uv};
     return fit_spots(image, starts, {}, kSpread, Vector2::Zero(), foreign);
   };
@@ -139,7 +139,7 @@ TEST(SpotFit, RefusesWhatIsNotThere) {
   EXPECT_FALSE(at({1, 40}));    // over the edge
   EXPECT_FALSE(at({1e9, 40}));  // far outside
   EXPECT_FALSE(at({std::nan(""), 40}));
-  const Roi taken{40, 30, 60, 50};
+  const ForeignLight taken{.box = {40, 30, 60, 50}};
   EXPECT_FALSE(at({50, 40}, {&taken, 1}));  // somebody else's
   const auto dark = at({30, 20});
   EXPECT_TRUE(!dark || dark->height[0] < 12);
