@@ -48,6 +48,7 @@ struct LandingSystem::Parts {
         rig(r),
         estimator(std::move(e)),
         platform(c.platform),
+        sight(1e-3 * r.timing.frame_to_use_ms),
         link(c.link),
         response(c.response),
         motion(response, platform, c.attitude.drag_per_s),
@@ -68,6 +69,7 @@ struct LandingSystem::Parts {
   Rig rig;
   RelativeEstimator estimator;
   PlatformTracker platform;
+  SightWatch sight;
   LinkMonitor link;
   DroneResponse response;
   DroneMotion motion;
@@ -112,6 +114,9 @@ Result<LandingSystem> LandingSystem::create(const LandingConfig& config,
                                             const Rig& rig) {
   if (auto good = rig.validate(); !good) return fail(good.error());
   if (auto good = config.validate(); !good) return fail(good.error());
+  if (auto good = config.mission.safety.validate(rig); !good) {
+    return fail(good.error());
+  }
   auto estimator = RelativeEstimator::create(config.estimator, rig);
   if (!estimator) return fail(estimator.error());
   auto attitude =
@@ -157,6 +162,9 @@ void LandingSystem::Parts::take(const Event& event, Time now, Output& out,
   bool good = true;
   if (const auto* frame = std::get_if<CameraFrame>(&event)) {
     FrameReport report;
+    if (frame->captured <= now + kFuture) {
+      sight.picture(frame->captured, frame->received);
+    }
     good = timely(frame->captured) && estimator.fuse(*frame, motion, report, probe);
     if (good) {
       if (report.tracked) {
@@ -322,6 +330,7 @@ void LandingSystem::step(const Input& input, Output& out, Probe* probe) {
   p.response.advance(input.now);
   p.wish = OperatorWish::none;
   p.plan = nullptr;
+  p.sight.step(input.now);
   for (const Event& event : input.events) p.take(event, input.now, out, probe);
 
   out.trace.t = input.now;
@@ -347,6 +356,9 @@ void LandingSystem::step(const Input& input, Output& out, Probe* probe) {
   in.x = state.x;
   in.x_seen = p.x_seen;
   in.seen = p.estimator.last_sight();
+  p.sight.frozen(p.estimator.camera_frozen());
+  in.blindness = p.sight.why(input.now);
+  in.computer_was_late = p.sight.computer_was_late(input.now);
   in.platform = out.trace.platform;
   const PlatformState touch =
       p.platform.at(input.now + from_seconds(Mission::kTouchAhead));
