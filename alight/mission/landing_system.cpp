@@ -14,6 +14,7 @@ constexpr Seconds kHeadingSight = 0.1;  // unseen for longer, nothing is learnt
 // a row, a difference so large is no noise.
 constexpr double kHeadingJump = 15 * kDegree;
 constexpr int kHeadingJumpSeen = 3;
+constexpr Seconds kLatestTold = 10;  // a picture still later is no word on the camera
 constexpr Time kFuture = 5'000'000;  // ns; clocks agree no better than this
 
 // What no platform or drone that is landed on does: a number beyond is a broken
@@ -162,9 +163,6 @@ void LandingSystem::Parts::take(const Event& event, Time now, Output& out,
   bool good = true;
   if (const auto* frame = std::get_if<CameraFrame>(&event)) {
     FrameReport report;
-    if (frame->captured <= now + kFuture) {
-      sight.picture(frame->captured, frame->received);
-    }
     good = timely(frame->captured) && estimator.fuse(*frame, motion, report, probe);
     if (good) {
       if (report.tracked) {
@@ -173,6 +171,9 @@ void LandingSystem::Parts::take(const Event& event, Time now, Output& out,
       }
       out.trace.frames.push_back(report);
     }
+    const bool late = !timely(frame->captured) && frame->captured < now &&
+                      frame->captured >= now - from_seconds(kLatestTold);
+    if (good || late) sight.picture(frame->captured, std::min(frame->received, now));
   } else if (const auto* odometry = std::get_if<PlatformOdometry>(&event)) {
     good = timely(odometry->captured) && sane(*odometry) && platform.add(*odometry);
   } else if (const auto* imu = std::get_if<PlatformImu>(&event)) {
@@ -358,6 +359,9 @@ void LandingSystem::step(const Input& input, Output& out, Probe* probe) {
   in.seen = p.estimator.last_sight();
   p.sight.frozen(p.estimator.camera_frozen());
   in.blindness = p.sight.why(input.now);
+  if (in.blindness == Blindness::leds && !in.platform_ready) {
+    in.blindness = Blindness::odometry;
+  }
   in.computer_was_late = p.sight.computer_was_late(input.now);
   in.platform = out.trace.platform;
   const PlatformState touch =

@@ -211,6 +211,16 @@ bool Mission::overruled(const MissionInput& in, Output& out) {
     go(MissionState::aborted, "the autopilot stopped its motors", in, out);
     return true;
   }
+  if (in.computer_was_late && !lateness_told_) {
+    lateness_told_ = true;
+    const double off = (in.x.p_NB - maneuver_.at(in.now).p_NB).norm();
+    if (in_sight(in) && off > config_.go_around_error_m) {
+      go(MissionState::go_around, words_for(Blindness::computer).lost, in, out);
+      return true;
+    }
+    note(words_for(Blindness::computer).lost, in, out);
+  }
+  lateness_told_ = in.computer_was_late;
   if (watch_battery(in, out)) return true;
   if (hold_wanted_ && !battery_low_ && state != MissionState::hold &&
       state != MissionState::land && state != MissionState::lost_target) {

@@ -127,6 +127,7 @@ class Mission {
   Blindness blindness_ = Blindness::leds;  // as told last
   Time told_ = 0;                          // when the last note was made
   bool seen_by_pilot_ = false;
+  bool lateness_told_ = false;  // the computer's
   bool battery_low_ = false, battery_falling_ = false;
   Time battery_falling_since_ = 0;
   int landings_before_low_ = 0;  // begun when the battery became low

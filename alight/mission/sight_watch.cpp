@@ -26,6 +26,8 @@ const char* to_string(Blindness why) {
       return "frozen";
     case Blindness::computer:
       return "computer";
+    case Blindness::odometry:
+      return "odometry";
   }
   return "leds";
 }
@@ -44,6 +46,9 @@ BlindnessWords words_for(Blindness why) {
     case Blindness::computer:
       return {"the computer stood still",
               "the computer stood still, the LEDs are lost: the autopilot lands"};
+    case Blindness::odometry:
+      return {"no platform odometry comes, and the LEDs are out of sight",
+              "without platform odometry the LEDs are lost: the autopilot lands"};
     case Blindness::leds:
       break;
   }
@@ -52,6 +57,7 @@ BlindnessWords words_for(Blindness why) {
 }
 
 void SightWatch::picture(Time captured, Time received) {
+  if (any_ && captured <= captured_) return;
   any_ = true;
   captured_ = captured;
   received_ = received;

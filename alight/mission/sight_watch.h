@@ -11,7 +11,8 @@ enum class Blindness : std::uint8_t {
   pictures,  ///< None come.
   late,      ///< They come too late to be of use.
   frozen,    ///< The camera repeats its last one.
-  computer   ///< The brain itself was not run.
+  computer,  ///< The brain itself was not run.
+  odometry   ///< As leds, but how the platform moves is not known either.
 };
 const char* to_string(Blindness why);
 
@@ -28,6 +29,7 @@ class SightWatch {
   /// `lateness_s`: from mid-exposure to reception when all is well.
   explicit SightWatch(Seconds lateness_s = 0.03) : lateness_(lateness_s) {}
 
+  /// One that is not newer than the last says nothing.
   void picture(Time captured, Time received);
   /// Every step, before its pictures; `frozen`: what the estimator thinks of the last.
   void step(Time now);

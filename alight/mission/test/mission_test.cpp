@@ -1309,6 +1309,26 @@ TEST(Mission, WhatDoesNotComeToRestHolds) {
   EXPECT_EQ(f.reason(), "it does not come to rest at the follow point");
 }
 
+TEST(Mission, AComputerThatStoodStillIsToldOnceAndTheWayTakenUpAnew) {
+  for (const double off : {0.1, 0.5}) {
+    Flight f;
+    ASSERT_TRUE(bring(f, State::follow));
+    const std::size_t before = f.transitions.size();
+    f.computer_was_late = true;
+    f.off = Vector3(0, 0, -off);
+    f.x().p_NB.z() -= off;
+    f.step();
+    f.off.setZero();
+    ASSERT_EQ(f.transitions.size(), before + 1);
+    EXPECT_EQ(f.reason(), "the computer stood still");
+    EXPECT_EQ(f.state(), off > 0.35 ? State::go_around : State::follow);
+    f.run(0.3);
+    EXPECT_EQ(f.transitions.size(), before + 1);
+    f.computer_was_late = false;
+    EXPECT_TRUE(f.until(State::complete));
+  }
+}
+
 // One fault of any kind and length, at any moment: never a disarm away from the pad,
 // never a set-point against the autopilot's own landing, and an end that is told.
 TEST(Mission, AnyOneFaultAtAnyMomentEndsWell) {

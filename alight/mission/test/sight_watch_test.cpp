@@ -67,8 +67,8 @@ TEST(SightWatch, AStallIsBlamedOnTheComputerAndForgotten) {
 }
 
 TEST(SightWatch, EveryCauseHasWordsOfItsOwn) {
-  const Blindness all[] = {Blindness::leds, Blindness::pictures, Blindness::late,
-                           Blindness::frozen, Blindness::computer};
+  const Blindness all[] = {Blindness::leds,   Blindness::pictures, Blindness::late,
+                           Blindness::frozen, Blindness::computer, Blindness::odometry};
   for (const Blindness a : all) {
     EXPECT_NE(std::string(words_for(a).given_up).find("autopilot lands"),
               std::string::npos);

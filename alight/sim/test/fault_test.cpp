@@ -210,7 +210,7 @@ TEST(LostLink, WithExternalPoseItLandsAndDisarms) {
   EXPECT_EQ(calm.mode, AutopilotMode::failsafe);
   EXPECT_TRUE(calm.stopped);
   EXPECT_LT(calm.drift, 0.5);
-  EXPECT_NEAR(calm.sink, 0.7, 0.15);
+  EXPECT_NEAR(calm.sink, 0.6, 0.1);
 }
 
 TEST(LostLink, WithoutPoseItSinksAMetreAndAHalfInThreeSecondsAndNeverStops) {
