@@ -22,7 +22,7 @@ constexpr Seconds kNotesApart = 0.5;
 constexpr double kStopped = 0.15;
 // How soon what is left of the speed is to be gone, s: longer than the drone's lag.
 constexpr Seconds kStopIn = 0.4;
-// Pilot's control may leave the drone where nothing is known of it, s unseen.
+// Unseen for so long, s, the drone may be elsewhere than predicted.
 constexpr Seconds kStillKnown = 1;
 // How long a refused drone that is armed all the same is told to disarm, s.
 constexpr Seconds kDisarmFor = 1;
@@ -791,7 +791,10 @@ void Mission::lost_target(const MissionInput& in, Output& out) {
     blindness_ = in.blindness;
     note(words_for(blindness_).lost, in, out);
   }
-  if (in_state(in) > config_.give_up_s || !in.estimate_valid) {
+  // Pictures that come late still say where it was, if not whether it may land.
+  const bool known = unseen(in) < kStillKnown;
+  if (in_state(in) > (known ? config_.give_up_late_s : config_.give_up_s) ||
+      !in.estimate_valid) {
     go(MissionState::aborted, words_for(in.blindness).given_up, in, out);
   }
 }
