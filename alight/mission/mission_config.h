@@ -49,7 +49,8 @@ struct MissionConfig {
   // it was up to 0.6 m away and 0.4 m low after 2 s, 1.4 m and 0.8 m after 3 s: the
   // floor is 0.8 m below.
   double search_climb_m = 0.4;          ///< That far above it at most, in view.
-  double give_up_s = 2.0;               ///< The search ends after this.
+  double give_up_s = 2.0;               ///< The search ends after this,
+  double give_up_late_s = 6.0;          ///< or, of pictures that come late, after this.
   double stop_acceleration_m_s2 = 1.5;  ///< With which it stops over the ground.
   double leave_max_s = 4;         ///< To clear the platform before the autopilot lands.
   double unsettled_max_s = 20;    ///< At the follow or rendezvous point; then it holds.

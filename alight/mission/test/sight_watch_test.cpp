@@ -40,6 +40,7 @@ TEST(SightWatch, TellsMissingLateAndFrozenPicturesApart) {
   EXPECT_EQ(c.watch.why(c.now), Blindness::pictures);
   c.run(1, 0.17);
   EXPECT_EQ(c.watch.why(c.now), Blindness::leds);
+  c.run(30, 0, false);
   c.run(1, 0.4);
   EXPECT_EQ(c.watch.why(c.now), Blindness::late);
   c.run(1);
