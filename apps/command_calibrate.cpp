@@ -209,7 +209,10 @@ template <class Options, class Outcome, class Print>
 Result<void> conclude(const Files& files, const Options& options,
                       const Result<Outcome>& result, Print&& tell) {
   if (!result) return fail(result.error());
-  if (auto good = save_rig(files.out, result->rig); !good) return good;
+  // What the user wants when things go wrong stays as it was.
+  const auto safety = load_safety(files.rig, options.rig);
+  if (!safety) return fail(safety.error());
+  if (auto good = save_rig(files.out, result->rig, *safety); !good) return good;
   if (files.json) {
     std::cout << calibration_json(options, *result);
   } else {

@@ -94,6 +94,9 @@ Result<CampaignOptions> options_of(const Settings& settings) {
     auto rig = load_seen_rig(settings.rig, "campaign");
     if (!rig) return fail(rig.error());
     options.rig = *rig;
+    auto safety = load_safety(settings.rig, *rig);
+    if (!safety) return fail(safety.error());
+    options.safety = *safety;
   }
   std::set<std::string> seen;
   for (const std::string& file : settings.scenarios) {
@@ -253,7 +256,7 @@ Result<void> campaign(const Settings& settings) {
   for (const CampaignRun& run : result->runs) {
     const CampaignScenario& scenario = options->scenarios[run.scenario];
     const Outcome outcome = run.result.outcome;
-    if (of_faults ? ended_well(scenario, outcome) : outcome == Outcome::landed) {
+    if (of_faults ? ended_well(scenario, run.result) : outcome == Outcome::landed) {
       continue;
     }
     const std::string file = scenario_file(settings, scenario);

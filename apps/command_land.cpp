@@ -50,6 +50,9 @@ Result<void> land(const LandSettings& settings) {
     auto rig = load_seen_rig(settings.rig, "land");
     if (!rig) return fail(rig.error());
     options.rig = *rig;
+    auto safety = load_safety(settings.rig, *rig);
+    if (!safety) return fail(safety.error());
+    options.safety = *safety;
   }
   if (!settings.scenario.empty()) {
     auto scenario = load_scenario(settings.scenario);

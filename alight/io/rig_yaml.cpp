@@ -111,6 +111,18 @@ void read_tag(YamlMap map, Tag& tag) {
   tag.X_BT = make_pose(from_rpy(rpy[0], rpy[1], rpy[2]), p_BT);
 }
 
+void read_safety(YamlMap map, Safety& safety) {
+  map.read("battery_low", safety.battery_low);
+  map.read("battery_empty", safety.battery_empty);
+  map.read_choice(
+      "when_battery_low", safety.when_battery_low,
+      {{"finish", WhenBatteryLow::finish}, {"leave", WhenBatteryLow::leave}});
+  map.read("landings_max", safety.landings_max);
+  map.read_choice("when_failed", safety.when_failed,
+                  {{"hold", WhenFailed::hold}, {"leave", WhenFailed::leave}});
+  map.read("leave_at_m", safety.leave_at_m);
+}
+
 std::string list_text(const double* values, int count) {
   std::string text(1, '[');
   for (int i = 0; i < count; ++i) text += (i ? ", " : "") + number_text(values[i]);
@@ -154,11 +166,34 @@ Result<Rig> load_rig(const std::string& path) {
   limits.read("speed_m_s", rig.limits.speed_m_s);
   limits.read("acceleration_m_s2", rig.limits.acceleration_m_s2);
   if (file.has("tag")) read_tag(file.map("tag"), rig.tag.emplace());
+  Safety checked;  // load_safety's to keep; here only its spelling counts
+  read_safety(file.map("safety"), checked);
   if (const auto good = file.finish(); !good) return fail(good.error());
   if (const auto good = rig.validate(); !good) {
     return fail(good.error().fault, path + ": " + good.error().detail);
   }
   return rig;
+}
+
+Result<Safety> load_safety(const std::string& path, const Rig& rig) {
+  auto file = YamlMap::load(path);
+  if (!file) return fail(file.error());
+  Safety safety;
+  read_safety(file->map("safety"), safety);
+  if (const auto good = safety.validate(rig); !good) {
+    return fail(good.error().fault, path + ": " + good.error().detail);
+  }
+  return safety;
+}
+
+std::string safety_text(const Safety& safety) {
+  return "safety:\n  battery_low: " + number_text(safety.battery_low) +
+         "\n  battery_empty: " + number_text(safety.battery_empty) +
+         "\n  when_battery_low: " + to_string(safety.when_battery_low) +
+         "\n  landings_max: " + std::to_string(safety.landings_max) +
+         "\n  when_failed: " + to_string(safety.when_failed) +
+         "  # or leave: fly to leave_at_m, in N, and land there\n  leave_at_m: " +
+         list_text(safety.leave_at_m) + "  # zero: the follow point\n";
 }
 
 std::string rig_text(const Rig& rig) {
@@ -225,8 +260,8 @@ std::string rig_text(const Rig& rig) {
   return text;
 }
 
-Result<void> save_rig(const std::string& path, const Rig& rig) {
-  return write_file(path, rig_text(rig));
+Result<void> save_rig(const std::string& path, const Rig& rig, const Safety& safety) {
+  return write_file(path, rig_text(rig) + safety_text(safety));
 }
 
 }  // namespace alight

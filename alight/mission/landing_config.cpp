@@ -19,6 +19,9 @@ Result<void> LandingConfig::validate() const {
 LandingConfig LandingConfig::standard(const Rig& rig) {
   LandingConfig config;
   config.estimator.frozen_pictures = 3;
+  // A search flies on the prediction, for as long as the mission says,
+  // and it then takes a second to stop over the ground.
+  config.estimator.forget_after_s = config.mission.give_up_s + 1.5;
   config.response.thrust_to_weight = rig.drone.thrust_to_weight;
   config.response.motor_ms = rig.drone.motor_ms;
   config.response.tilt_max_deg = rig.drone.tilt_max_deg;

@@ -32,6 +32,8 @@ const char* to_string(MissionState state) {
       return "aborted";
     case MissionState::refused:
       return "refused";
+    case MissionState::pilot:
+      return "pilot";
   }
   return "idle";
 }

@@ -43,6 +43,7 @@ enum class MissionState : std::uint8_t {
   lost_link,    ///< Only the autopilot acts.
   aborted,      ///< Ended in the air: the autopilot lands by itself.
   refused,      ///< Never left the ground.
+  pilot,        ///< The pilot flies: nothing is ordered until he gives it back.
 };
 const char* to_string(MissionState state);
 

@@ -14,6 +14,7 @@ constexpr Seconds kHeadingSight = 0.1;  // unseen for longer, nothing is learnt
 // a row, a difference so large is no noise.
 constexpr double kHeadingJump = 15 * kDegree;
 constexpr int kHeadingJumpSeen = 3;
+constexpr Seconds kLatestTold = 10;  // a picture still later is no word on the camera
 constexpr Time kFuture = 5'000'000;  // ns; clocks agree no better than this
 
 // What no platform or drone that is landed on does: a number beyond is a broken
@@ -48,6 +49,7 @@ struct LandingSystem::Parts {
         rig(r),
         estimator(std::move(e)),
         platform(c.platform),
+        sight(1e-3 * r.timing.frame_to_use_ms),
         link(c.link),
         response(c.response),
         motion(response, platform, c.attitude.drag_per_s),
@@ -68,6 +70,7 @@ struct LandingSystem::Parts {
   Rig rig;
   RelativeEstimator estimator;
   PlatformTracker platform;
+  SightWatch sight;
   LinkMonitor link;
   DroneResponse response;
   DroneMotion motion;
@@ -112,6 +115,9 @@ Result<LandingSystem> LandingSystem::create(const LandingConfig& config,
                                             const Rig& rig) {
   if (auto good = rig.validate(); !good) return fail(good.error());
   if (auto good = config.validate(); !good) return fail(good.error());
+  if (auto good = config.mission.safety.validate(rig); !good) {
+    return fail(good.error());
+  }
   auto estimator = RelativeEstimator::create(config.estimator, rig);
   if (!estimator) return fail(estimator.error());
   auto attitude =
@@ -165,6 +171,9 @@ void LandingSystem::Parts::take(const Event& event, Time now, Output& out,
       }
       out.trace.frames.push_back(report);
     }
+    const bool late = !timely(frame->captured) && frame->captured < now &&
+                      frame->captured >= now - from_seconds(kLatestTold);
+    if (good || late) sight.picture(frame->captured, std::min(frame->received, now));
   } else if (const auto* odometry = std::get_if<PlatformOdometry>(&event)) {
     good = timely(odometry->captured) && sane(*odometry) && platform.add(*odometry);
   } else if (const auto* imu = std::get_if<PlatformImu>(&event)) {
@@ -322,6 +331,7 @@ void LandingSystem::step(const Input& input, Output& out, Probe* probe) {
   p.response.advance(input.now);
   p.wish = OperatorWish::none;
   p.plan = nullptr;
+  p.sight.step(input.now);
   for (const Event& event : input.events) p.take(event, input.now, out, probe);
 
   out.trace.t = input.now;
@@ -347,6 +357,12 @@ void LandingSystem::step(const Input& input, Output& out, Probe* probe) {
   in.x = state.x;
   in.x_seen = p.x_seen;
   in.seen = p.estimator.last_sight();
+  p.sight.frozen(p.estimator.camera_frozen());
+  in.blindness = p.sight.why(input.now);
+  if (in.blindness == Blindness::leds && !in.platform_ready) {
+    in.blindness = Blindness::odometry;
+  }
+  in.computer_was_late = p.sight.computer_was_late(input.now);
   in.platform = out.trace.platform;
   const PlatformState touch =
       p.platform.at(input.now + from_seconds(Mission::kTouchAhead));

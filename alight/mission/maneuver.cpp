@@ -11,6 +11,14 @@ Maneuver Maneuver::stay(const Vector3& p_NB, double yaw) {
   return m;
 }
 
+Maneuver Maneuver::coast(const FlatState& from, Time start) {
+  Maneuver m;
+  m.kind_ = Kind::coast;
+  m.rest_ = from;
+  m.start_ = start;
+  return m;
+}
+
 Maneuver Maneuver::move(const PointToPoint& move) {
   Maneuver m;
   m.kind_ = Kind::move;
@@ -32,6 +40,14 @@ FlatState Maneuver::at(Time t) const {
   switch (kind_) {
     case Kind::stay:
       return rest_;
+    case Kind::coast: {
+      FlatState state = rest_;
+      const Seconds s = to_seconds(t - start_);
+      state.p_NB += s * rest_.v_NB + 0.5 * s * s * rest_.a_NB;
+      state.v_NB += s * rest_.a_NB;
+      state.yaw += s * rest_.yaw_rate;
+      return state;
+    }
     case Kind::move:
       return move_.at(t);
     case Kind::landing:
@@ -65,6 +81,7 @@ FlatState Maneuver::at(Time t) const {
 Seconds Maneuver::past_end(Time t) const {
   switch (kind_) {
     case Kind::stay:
+    case Kind::coast:
       return to_seconds(t);
     case Kind::move:
       return to_seconds(t - move_.end());

@@ -6,13 +6,16 @@
 
 namespace alight {
 
-/// What the drone is asked to do, as a function of time: stand still in N, move to a
-/// point, or fly a planned landing and, past its end, go on down at its last speed.
+/// What the drone is asked to do, as a function of time: stand still in N, go on as it
+/// flies, move to a point, or fly a planned landing and, past its end, go on down at
+/// its last speed.
 class Maneuver {
  public:
   Maneuver() = default;  ///< At rest in the origin of N.
 
   static Maneuver stay(const Vector3& p_NB, double yaw);
+  /// On from `from` at `start` with its velocity and acceleration, for a moment.
+  static Maneuver coast(const FlatState& from, Time start);
   static Maneuver move(const PointToPoint& move);
   /// `sink_m`: how far below the trajectory's end the reference may go on.
   static Maneuver landing(const Trajectory& trajectory, Time start, double sink_m);
@@ -29,11 +32,11 @@ class Maneuver {
 
   bool done(Time t) const { return past_end(t) >= 0; }
   /// Time since the end of a move or, by its own pace, of a landing; negative before.
-  /// `stay` ended at 0.
+  /// `stay` and `coast` ended at 0.
   Seconds past_end(Time t) const;
 
  private:
-  enum class Kind : std::uint8_t { stay, move, landing };
+  enum class Kind : std::uint8_t { stay, coast, move, landing };
   Kind kind_ = Kind::stay;
   FlatState rest_;
   PointToPoint move_;

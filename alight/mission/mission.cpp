@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
+#include <cstring>
 
 namespace alight {
 namespace {
@@ -15,11 +16,33 @@ constexpr double kStillSinking = 0.005;
 // m above gear height, an LED rig's error; m/s.
 constexpr double kTouchHighest = 0.1;
 constexpr double kStanding = 0.05;
+// A second word about the same thing comes no sooner, s.
+constexpr Seconds kNotesApart = 0.5;
+// m/s over the ground: the autopilot's landing goes on from there without drifting far.
+constexpr double kStopped = 0.15;
+// How soon what is left of the speed is to be gone, s: longer than the drone's lag.
+constexpr Seconds kStopIn = 0.4;
+// Unseen for so long, s, the drone may be elsewhere than predicted.
+constexpr Seconds kStillKnown = 1;
+// How long a refused drone that is armed all the same is told to disarm, s.
+constexpr Seconds kDisarmFor = 1;
+// Without a word from the drone after touch-down its motors are its own, s.
+constexpr Seconds kShutDownUnheard = 3;
+// m from where the feet took the weight: more than the error of a standing drone's
+// pose.
+constexpr double kBounce = 0.03;
+constexpr double kSlide = 0.03;
 // Error of speed counts for as long as the rest of a landing takes from the commit on.
 constexpr double kFootSpread = 0.7;  // of the feet from the middle, of the arm
 // At least so far ahead of now control looks at the reference.
 constexpr Seconds kControlAhead = 0.25;
 constexpr Seconds kMissAhead = 0.25;
+
+// Why only the autopilot acts.
+constexpr const char* kUnheard =
+    "nothing heard from the drone: its autopilot acts alone";
+constexpr const char* kFailsafe = "the autopilot's failsafe has taken over";
+constexpr const char* kStoodStill = "the computer stood still: the autopilot lands";
 
 double angle_between(const Vector3& a, const Vector3& b) {
   return std::atan2(a.cross(b).norm(), a.dot(b));
@@ -44,8 +67,10 @@ bool in_sight(const MissionInput& in) {
 
 Mission::Mission(const MissionConfig& config, const Rig& rig)
     : config_(places_for(config, rig)),
+      outline_(rig),
       gear_height_(rig.drone.gear_height_m),
       arm_(rig.drone.arm_m),
+      pad_half_(0.5 * rig.pad.size_m),
       from_lens_(level_from_lens(rig)),
       tilt_max_(rig.drone.tilt_max_deg * kDegree) {}
 
@@ -61,6 +86,7 @@ bool Mission::flying() const {
     case MissionState::lost_target:
     case MissionState::lost_link:
     case MissionState::aborted:
+    case MissionState::pilot:
       return airborne_;
     default:
       return false;
@@ -81,14 +107,21 @@ void Mission::go(MissionState to, const char* reason, const MissionInput& in,
   plan_pending_ = false;
   plan_tries_ = 0;
   low_ = false;
+  committed_ = committed_ && to == MissionState::land;
+  left_ = false;
+  told_ = in.now;
   switch (to) {
     case MissionState::follow:
-      move_to(config_.follow_point, config_.move_speed_m_s, in);
-      break;
     case MissionState::go_around:
-    case MissionState::lost_target:
     case MissionState::hold:
       move_to(config_.follow_point, config_.move_speed_m_s, in);
+      break;
+    case MissionState::lost_target:
+      blindness_ = in.blindness;
+      move_to(config_.search_point, config_.move_speed_m_s, in);
+      break;
+    case MissionState::aborted:
+      move_to(config_.safety.leave_at_m, config_.move_speed_m_s, in);
       break;
     case MissionState::rendezvous:
       move_to(config_.rendezvous_point, config_.move_speed_m_s, in);
@@ -96,6 +129,12 @@ void Mission::go(MissionState to, const char* reason, const MissionInput& in,
     default:
       break;
   }
+}
+
+void Mission::note(const char* reason, const MissionInput& in, Output& out) {
+  out.transitions.push_back({in.now, status_.state, status_.state, reason});
+  status_.reason = reason;
+  told_ = in.now;
 }
 
 void Mission::move_to(const Vector3& p_NB, double speed, const MissionInput& in) {
@@ -127,19 +166,32 @@ bool Mission::settled(const MissionInput& in) {
     settling_ = true;
     settled_since_ = in.now;
   }
-  return to_seconds(in.now - settled_since_) >=
-         config_.settle_s + config_.settle_more_s * status_.attempts;
+  const Seconds more = battery_low_ ? 0 : config_.settle_more_s * status_.attempts;
+  return to_seconds(in.now - settled_since_) >= config_.settle_s + more;
+}
+
+bool Mission::pilot_flies(const MissionInput& in) const {
+  if (!in.telemetry_heard || !in.armed) return false;
+  return in.mode == AutopilotMode::hold ||
+         (in.mode == AutopilotMode::manual && obeyed_);
 }
 
 bool Mission::overruled(const MissionInput& in, Output& out) {
   const MissionState state = status_.state;
+  if (pilot_flies(in)) {
+    seen_by_pilot_ = in_sight(in);
+    go(MissionState::pilot, "the pilot has taken over", in, out);
+    return true;
+  }
+  // Past the commit height landing is the safe choice, whatever is wished or fails: the
+  // autopilot would brake over the ground, and the pad drive on beneath it.
+  if (committed_) return false;
   if (abort_wanted_) {
     go(MissionState::aborted, "the operator aborted: the autopilot lands", in, out);
     return true;
   }
   if (in.link->lost(in.now)) {
-    go(MissionState::lost_link,
-       "nothing heard from the drone: its autopilot acts alone", in, out);
+    go(MissionState::lost_link, kUnheard, in, out);
     return true;
   }
   // A burst of losses puts the autopilot into its failsafe until set-points come again.
@@ -151,16 +203,72 @@ bool Mission::overruled(const MissionInput& in, Output& out) {
   }
   if (in.mode == AutopilotMode::land ||
       (failsafe_ && to_seconds(in.now - failsafe_since_) > config_.failsafe_s)) {
-    go(MissionState::lost_link, "the autopilot's failsafe has taken over", in, out);
+    go(MissionState::lost_link, in.computer_was_late ? kStoodStill : kFailsafe, in,
+       out);
     return true;
   }
   if (in.telemetry_heard && !in.armed && state != MissionState::land) {
     go(MissionState::aborted, "the autopilot stopped its motors", in, out);
     return true;
   }
-  if (hold_wanted_ && state != MissionState::hold && state != MissionState::land &&
-      state != MissionState::lost_target) {
+  if (in.computer_was_late && !lateness_told_) {
+    lateness_told_ = true;
+    const double off = (in.x.p_NB - maneuver_.at(in.now).p_NB).norm();
+    if (in_sight(in) && off > config_.go_around_error_m) {
+      go(MissionState::go_around, words_for(Blindness::computer).lost, in, out);
+      return true;
+    }
+    note(words_for(Blindness::computer).lost, in, out);
+  }
+  lateness_told_ = in.computer_was_late;
+  if (watch_battery(in, out)) return true;
+  if (hold_wanted_ && !battery_low_ && state != MissionState::hold &&
+      state != MissionState::land && state != MissionState::lost_target) {
     go(MissionState::hold, "the operator holds", in, out);
+    return true;
+  }
+  return false;
+}
+
+bool Mission::watch_battery(const MissionInput& in, Output& out) {
+  const Safety& safety = config_.safety;
+  if (!in.telemetry_heard || in.battery >= safety.battery_low) {
+    battery_falling_ = false;
+    return false;
+  }
+  if (!battery_falling_) {
+    battery_falling_ = true;
+    battery_falling_since_ = in.now;
+  }
+  if (to_seconds(in.now - battery_falling_since_) < config_.battery_sure_s) {
+    return false;
+  }
+  const bool landing = status_.state == MissionState::land;
+  if (in.battery < safety.battery_empty && !landing) {
+    go(MissionState::aborted, "the battery is empty: the autopilot lands", in, out);
+    return true;
+  }
+  if (!battery_low_) {
+    battery_low_ = true;
+    landings_before_low_ = status_.attempts;
+    if (landing) {
+      note("the battery is low: the landing goes on", in, out);
+    } else if (safety.when_battery_low == WhenBatteryLow::finish) {
+      note("the battery is low: it lands without waiting", in, out);
+    }
+  }
+  if (landing) return false;
+  if (safety.when_battery_low == WhenBatteryLow::leave) {
+    go(MissionState::aborted, "the battery is low: the autopilot lands", in, out);
+    return true;
+  }
+  if (status_.attempts > landings_before_low_) {
+    go(MissionState::aborted,
+       "the battery is low and the landing failed: the autopilot lands", in, out);
+    return true;
+  }
+  if (status_.state == MissionState::hold) {
+    go(MissionState::follow, "the battery is low: it lands without waiting", in, out);
     return true;
   }
   return false;
@@ -177,9 +285,10 @@ MissionCommand Mission::step(const MissionInput& in, Output& out) {
   }
   hold_wanted_ = hold_wanted_ || in.wish == OperatorWish::hold;
   abort_wanted_ = abort_wanted_ || in.wish == OperatorWish::abort;
+  obeyed_ = in.armed && (obeyed_ || in.mode == AutopilotMode::offboard);
   switch (status_.state) {
     case MissionState::idle:
-      idle(in, out);
+      idle(in, c, out);
       break;
     case MissionState::armed:
       armed(in, c, out);
@@ -210,8 +319,13 @@ MissionCommand Mission::step(const MissionInput& in, Output& out) {
     case MissionState::aborted:
       aborted(in, c, out);
       break;
-    case MissionState::complete:
+    case MissionState::pilot:
+      pilot(in, c, out);
+      break;
     case MissionState::refused:
+      disarm(in, c);
+      break;
+    case MissionState::complete:
       break;
   }
   switch (status_.state) {
@@ -236,7 +350,18 @@ MissionCommand Mission::step(const MissionInput& in, Output& out) {
   return c;
 }
 
-void Mission::idle(const MissionInput& in, Output& out) {
+// An order may be lost on its way. Later whoever arms has a reason for it.
+void Mission::disarm(const MissionInput& in, Command& c) {
+  disarms_ = disarms_ && in.telemetry_heard && in.armed && !pilot_flies(in) &&
+             in_state(in) < kDisarmFor;
+  if (disarms_ && to_seconds(in.now - last_order_) >= kOrderEvery) {
+    c.order = AutopilotOrder::disarm;
+    last_order_ = in.now;
+  }
+}
+
+void Mission::idle(const MissionInput& in, Command& c, Output& out) {
+  disarm(in, c);
   if (in.estimate_valid) {
     p_rest_ = in.x_seen.p_NB;
     R_rest_ = in.x_seen.R_NB;
@@ -245,10 +370,11 @@ void Mission::idle(const MissionInput& in, Output& out) {
     go(MissionState::refused, "the operator aborted before the start", in, out);
     return;
   }
-  if (!wanted_) {
-    status_.since = in.now;
+  if (!wanted_ || hold_wanted_) {
+    if (!disarms_) status_.since = in.now;
     return;
   }
+  if (disarms_) return;
   const char* missing = nullptr;
   if (!in.link->ever_heard() || !in.link->healthy(in.now)) {
     missing = "the radio link is not healthy";
@@ -258,9 +384,10 @@ void Mission::idle(const MissionInput& in, Output& out) {
     missing = "there is no platform odometry";
   } else if (!config_.start_on_floor &&
              (!in.estimate_valid || unseen(in) > kFreshSight)) {
-    missing = "the LEDs are not seen on the pad";
+    missing = in.blindness == Blindness::leds ? "the LEDs are not seen on the pad"
+                                              : words_for(in.blindness).lost;
   }
-  if (missing == nullptr && in.battery < config_.battery_min) {
+  if (missing == nullptr && in.battery < config_.safety.battery_low) {
     go(MissionState::refused, "the battery is too low to start", in, out);
   } else if (missing == nullptr) {
     go(MissionState::armed, "all is ready: arming", in, out);
@@ -277,12 +404,20 @@ void Mission::armed(const MissionInput& in, Command& c, Output& out) {
   c.mode = Command::Mode::idle;
   if (abort_wanted_) {
     c.order = AutopilotOrder::disarm;
+    disarms_ = true;
     go(MissionState::refused, "the operator aborted before the start", in, out);
+  } else if (hold_wanted_) {
+    c.order = AutopilotOrder::disarm;
+    c.mode = Command::Mode::silent;
+    disarms_ = true;
+    go(MissionState::idle, "the operator holds", in, out);
   } else if (in.armed && in.link->healthy(in.now)) {
+    ++starts_;
     go(MissionState::taken_off, "armed: taking off", in, out);
   } else if (in_state(in) > config_.arm_timeout_s) {
     c.order = AutopilotOrder::disarm;
     c.mode = Command::Mode::silent;
+    disarms_ = true;
     go(MissionState::refused, "the autopilot does not arm", in, out);
   } else if (to_seconds(in.now - last_order_) >= kOrderEvery) {
     c.order = AutopilotOrder::arm;
@@ -296,7 +431,7 @@ void Mission::taken_off(const MissionInput& in, Command& c, Output& out) {
     if (overruled(in, out)) return;
     c.mode = Command::Mode::track;
     if (!fresh && unseen(in) > config_.sight_lost_s) {
-      go(MissionState::lost_target, "the LEDs are out of sight", in, out);
+      go(MissionState::lost_target, words_for(in.blindness).lost, in, out);
       return;
     }
     const bool there = (in.x.p_NB - maneuver_.at(in.now).p_NB).norm() < 0.12;
@@ -306,6 +441,17 @@ void Mission::taken_off(const MissionInput& in, Command& c, Output& out) {
     return;
   }
 
+  if (pilot_flies(in)) {
+    go(MissionState::refused, "the pilot took over before the take-off", in, out);
+    return;
+  }
+  if (obeyed_ &&
+      (in.mode == AutopilotMode::failsafe || in.mode == AutopilotMode::land)) {
+    airborne_ = true;  // for all that is known
+    go(MissionState::lost_link, in.computer_was_late ? kStoodStill : kFailsafe, in,
+       out);
+    return;
+  }
   c.mode = Command::Mode::ramp;
   const double rate =
       config_.start_on_floor ? config_.blind_ramp_rate : config_.ramp_rate;
@@ -313,17 +459,28 @@ void Mission::taken_off(const MissionInput& in, Command& c, Output& out) {
   c.ramp_share = std::min(config_.ramp_from + rate * in_state(in), most);
   const Seconds limit =
       config_.start_on_floor ? config_.blind_max_s : config_.ramp_timeout_s;
-  if (abort_wanted_ || in.link->lost(in.now) || !in.armed || in_state(in) > limit) {
+  // Unseen, it would climb and climb; so early it stands, or falls by a centimetre.
+  const bool blind = !config_.start_on_floor && unseen(in) > kFreshSight;
+  if (abort_wanted_ || blind || in.link->lost(in.now) || !in.armed ||
+      in_state(in) > limit) {
     // From the floor it may fly unseen: only the autopilot can bring it down.
     c.order = config_.start_on_floor ? AutopilotOrder::land : AutopilotOrder::disarm;
     c.mode = Command::Mode::silent;
     airborne_ = config_.start_on_floor;
+    disarms_ = !config_.start_on_floor;
+    last_order_ = in.now;
     const char* reason = config_.start_on_floor
                              ? "never came into sight: the autopilot lands"
                              : "did not leave the ground";
+    if (blind) reason = words_for(in.blindness).lost;
+    if (blind && !abort_wanted_ && starts_ < config_.starts_max) {
+      go(MissionState::idle, reason, in, out);
+      return;
+    }
     if (abort_wanted_) reason = "the operator aborted during take-off";
     go(config_.start_on_floor ? MissionState::aborted : MissionState::refused, reason,
        in, out);
+    left_ = true;
     return;
   }
   const Vector3 way = in.x_seen.p_NB - p_rest_;
@@ -364,22 +521,30 @@ void Mission::taken_off(const MissionInput& in, Command& c, Output& out) {
 void Mission::follow(const MissionInput& in, Output& out) {
   if (overruled(in, out)) return;
   if (unseen(in) > config_.sight_lost_s) {
-    go(MissionState::lost_target, "the LEDs are out of sight", in, out);
+    go(MissionState::lost_target, words_for(in.blindness).lost, in, out);
     return;
   }
   const bool there = settled(in);
-  if (status_.state == MissionState::hold) {
+  if (status_.state == MissionState::hold && !battery_low_) {
     if (in.wish == OperatorWish::go) {
       status_.attempts = 0;
       go(MissionState::follow, "the operator goes on", in, out);
     }
     return;
   }
-  if (!there) return;
-  if (status_.attempts >= config_.attempts_max) {
-    go(MissionState::hold, "too many landings have failed", in, out);
-  } else {
+  if (!there) {
+    if (in_state(in) > config_.unsettled_max_s) {
+      go(MissionState::hold, "it does not come to rest at the follow point", in, out);
+    }
+    return;
+  }
+  if (status_.attempts < config_.safety.landings_max || battery_low_) {
     go(MissionState::rendezvous, "following well: to the rendezvous", in, out);
+  } else if (config_.safety.when_failed == WhenFailed::leave) {
+    go(MissionState::aborted, "too many landings have failed: the autopilot lands", in,
+       out);
+  } else {
+    go(MissionState::hold, "too many landings have failed", in, out);
   }
 }
 
@@ -400,7 +565,7 @@ void Mission::request_plan(const MissionInput& in, Output& out) {
 void Mission::rendezvous(const MissionInput& in, Output& out) {
   if (overruled(in, out)) return;
   if (unseen(in) > config_.sight_lost_s) {
-    go(MissionState::lost_target, "the LEDs are out of sight", in, out);
+    go(MissionState::lost_target, words_for(in.blindness).lost, in, out);
     return;
   }
   if (in.plan != nullptr && plan_pending_ && in.plan->result.id == plan_id_) {
@@ -420,7 +585,12 @@ void Mission::rendezvous(const MissionInput& in, Output& out) {
       return;
     }
   }
-  if (!settled(in)) return;
+  if (!settled(in)) {
+    if (in_state(in) > config_.unsettled_max_s) {
+      go(MissionState::hold, "it does not come to rest at the rendezvous", in, out);
+    }
+    return;
+  }
   const bool waited = to_seconds(in.now - plan_asked_) > config_.plan_retry_s;
   if (plan_tries_ > 0 && !waited) return;
   if (plan_tries_ >= config_.plan_tries) {
@@ -447,12 +617,35 @@ bool Mission::may_touch(const MissionInput& in) const {
          std::abs(in.x.v_NB.z()) < kStanding;
 }
 
+void Mission::watch_touch(const MissionInput& in, Output& out) {
+  if (!in_sight(in)) return;
+  const Vector3 way = in.x_seen.p_NB - p_touch_;
+  if (!bounced_ && way.z() > kBounce) {
+    bounced_ = true;
+    note("it bounced", in, out);
+  }
+  if (!slid_ && horizontal(way) > kSlide) {
+    slid_ = true;
+    note("it slides on the pad", in, out);
+  }
+}
+
+const char* Mission::how_it_stands(const MissionInput& in) const {
+  // The middle between the feet is at the origin of B to within the LED frame's error.
+  const bool inside = in.x_seen.p_NB.head<2>().cwiseAbs().maxCoeff() < pad_half_;
+  if (in_sight(in) && !inside) return "motors stopped, not on the pad";
+  if (slid_) return "motors stopped, after a slide";
+  return bounced_ ? "motors stopped, after a bounce" : "motors stopped";
+}
+
 bool Mission::touched_down(const MissionInput& in) {
   const double z = in.x_seen.p_NB.z();
   if (!settling_down_) {
     if (!may_touch(in)) return false;
     settling_down_ = true;
     settle_since_ = in.now;
+    p_touch_ = in.x_seen.p_NB;
+    bounced_ = slid_ = false;
     low_ = false;
   }
   if (unseen(in) > config_.sight_lost_s) {
@@ -479,11 +672,16 @@ void Mission::land(const MissionInput& in, Command& c, Output& out) {
     c.mode = Command::Mode::idle;
     return;
   }
+  if (committed_ && abort_wanted_ && !abort_told_) {
+    abort_told_ = true;
+    note("the operator aborted past the commit height: it lands", in, out);
+  }
   if (touched_down(in)) {
     go(MissionState::shut_down, "stands on the pad", in, out);
     return;
   }
   if (settling_down_) {
+    watch_touch(in, out);
     c.mode = Command::Mode::settle;
     const double passed = to_seconds(in.now - settle_since_) / config_.settle_down_s;
     c.ramp_share = config_.settle_share * std::max(0.0, 1 - passed);
@@ -501,12 +699,15 @@ void Mission::land(const MissionInput& in, Command& c, Output& out) {
       maneuver_.aim_pace(in.now,
                          std::clamp(2 - patience / config_.wait_error_m, 0.0, 1.0));
     }
-    if (hold_wanted_) {
+    if (hold_wanted_ && !battery_low_) {
       go(MissionState::hold, "the operator holds", in, out);
     } else if (unseen(in) > config_.sight_lost_s) {
-      go(MissionState::lost_target, "the LEDs are out of sight", in, out);
+      go(MissionState::lost_target, words_for(in.blindness).lost, in, out);
     } else if (error.norm() > config_.go_around_error_m) {
-      go(MissionState::go_around, "too far from the trajectory", in, out);
+      go(MissionState::go_around,
+         in.computer_was_late ? words_for(Blindness::computer).lost
+                              : "too far from the trajectory",
+         in, out);
     } else if (in.x.p_NB.z() < commit_height && ref.p_NB.z() < commit_height &&
                horizontal(ref.p_NB) < 0.5 * config_.go_around_error_m) {
       if (miss > config_.commit_error_m) {
@@ -518,7 +719,9 @@ void Mission::land(const MissionInput& in, Command& c, Output& out) {
     }
     return;
   }
-  if (maneuver_.past_end(in.now) > config_.landing_overtime_s) {
+  if (in_sight(in) && in.x.p_NB.head<2>().cwiseAbs().maxCoeff() > pad_half_) {
+    go(MissionState::go_around, "the pad is not beneath it", in, out);
+  } else if (maneuver_.past_end(in.now) > config_.landing_overtime_s) {
     go(MissionState::go_around, "no touch-down where the pad should be", in, out);
   }
 }
@@ -541,56 +744,157 @@ void Mission::flare(const MissionInput& in) {
 
 void Mission::shut_down(const MissionInput& in, Command& c, Output& out) {
   c.mode = Command::Mode::idle;
+  if (pilot_flies(in)) {
+    seen_by_pilot_ = in_sight(in);
+    go(MissionState::pilot, "the pilot has taken over", in, out);
+    c.mode = Command::Mode::silent;
+    return;
+  }
   if (in.telemetry_heard && !in.armed) {
     airborne_ = false;
     c.mode = Command::Mode::silent;
-    go(MissionState::complete, "motors stopped", in, out);
+    go(MissionState::complete, how_it_stands(in), in, out);
     return;
   }
+  if (in.link->silence(in.now) > kShutDownUnheard) {
+    c.mode = Command::Mode::silent;
+    go(MissionState::lost_link,
+       "nothing heard since touch-down: the autopilot stops its motors", in, out);
+    return;
+  }
+  watch_touch(in, out);
   if (to_seconds(in.now - last_order_) >= kOrderEvery) {
     c.order = AutopilotOrder::disarm;
     last_order_ = in.now;
   }
 }
 
+void Mission::stop_over_ground(const MissionInput& in) {
+  FlatState ref = maneuver_.at(in.now);
+  const Vector3 left =
+      -inertial_velocity_N(in.platform, ref.p_NB, Vector3::Zero()) - ref.v_NB;
+  const double gain =
+      std::min(1 / kStopIn, config_.stop_acceleration_m_s2 / (left.norm() + 1e-6));
+  ref.a_NB = gain * left;
+  ref.j_NB.setZero();
+  ref.yaw_rate = ref.yaw_acceleration = 0;
+  maneuver_ = Maneuver::coast(ref, in.now);
+}
+
 void Mission::lost_target(const MissionInput& in, Output& out) {
   if (overruled(in, out)) return;
   if (unseen(in) < kFreshSight) {
     go(MissionState::go_around, "the LEDs are in sight again", in, out);
-  } else if (in_state(in) > config_.give_up_s || !in.estimate_valid) {
-    go(MissionState::aborted, "the LEDs stay out of sight: the autopilot lands", in,
-       out);
+    return;
+  }
+  if (in.blindness != blindness_ && to_seconds(in.now - told_) > kNotesApart) {
+    blindness_ = in.blindness;
+    note(words_for(blindness_).lost, in, out);
+  }
+  // Pictures that come late still say where it was, if not whether it may land.
+  const bool known = unseen(in) < kStillKnown;
+  if (in_state(in) > (known ? config_.give_up_late_s : config_.give_up_s) ||
+      !in.estimate_valid) {
+    go(MissionState::aborted, words_for(in.blindness).given_up, in, out);
   }
 }
 
 void Mission::lost_link(const MissionInput& in, Command& c, Output& out) {
+  if (!in.link->healthy(in.now)) return;
   const bool autopilot_acts =
       in.mode == AutopilotMode::land || in.mode == AutopilotMode::failsafe;
-  if (in.link->healthy(in.now)) {
-    if (in.telemetry_heard && !in.armed) {
-      airborne_ = false;
-      go(MissionState::complete, "the autopilot landed by itself", in, out);
-    } else if (abort_wanted_) {
-      go(MissionState::aborted, "the operator aborted: the autopilot lands", in, out);
-    } else if (!autopilot_acts) {
-      const bool fresh = in_sight(in);
-      go(fresh ? MissionState::go_around : MissionState::lost_target,
-         fresh ? "the link is back" : "the link is back, the LEDs are out of sight", in,
-         out);
-      c.mode = Command::Mode::track;
-    }
+  if (in.telemetry_heard && !in.armed) {
+    airborne_ = false;
+    // Why it was alone stays told.
+    const bool stood_still = std::strcmp(status_.reason, kStoodStill) == 0;
+    const bool failsafe = std::strcmp(status_.reason, kFailsafe) == 0;
+    go(MissionState::complete,
+       stood_still ? "the computer stood still: the autopilot landed by itself"
+       : failsafe  ? "set-points did not arrive: the autopilot landed by itself"
+                   : "the link was lost: the autopilot landed by itself",
+       in, out);
+  } else if (pilot_flies(in)) {
+    seen_by_pilot_ = in_sight(in);
+    go(MissionState::pilot, "the pilot has taken over", in, out);
+  } else if (abort_wanted_) {
+    go(MissionState::aborted, "the operator aborted: the autopilot lands", in, out);
+  } else if (!autopilot_acts) {
+    const bool fresh = in_sight(in);
+    go(fresh ? MissionState::go_around : MissionState::lost_target,
+       fresh ? "the link is back" : "the link is back, the LEDs are out of sight", in,
+       out);
+    c.mode = Command::Mode::track;
   }
 }
 
-void Mission::aborted(const MissionInput& in, Command& c, Output&) {
+bool Mission::may_be_left(const MissionInput& in) {
+  const bool heard = in.link->healthy(in.now) && in.mode == AutopilotMode::offboard;
+  if (!heard || !in.estimate_valid || in_state(in) > config_.leave_max_s) return true;
+  if (in_sight(in)) return outline_.clear(in.x.p_NB);
+  // The autopilot does not know its speed without us, and would drift with it.
+  stop_over_ground(in);
+  const FlatState ref = maneuver_.at(in.now);
+  return inertial_velocity_N(in.platform, ref.p_NB, ref.v_NB).norm() < kStopped;
+}
+
+void Mission::aborted(const MissionInput& in, Command& c, Output& out) {
   if (in.telemetry_heard && !in.armed) {
     airborne_ = false;
     return;
   }
-  if (to_seconds(in.now - last_order_) >= kOrderEvery) {
+  if (pilot_flies(in)) {
+    seen_by_pilot_ = in_sight(in);
+    go(MissionState::pilot, "the pilot has taken over", in, out);
+    return;
+  }
+  left_ = left_ || may_be_left(in);
+  if (!left_) {
+    c.mode = Command::Mode::track;
+  } else if (to_seconds(in.now - last_order_) >= kOrderEvery) {
     c.order = AutopilotOrder::land;
     last_order_ = in.now;
   }
+}
+
+// Set-points go on, so that the autopilot may be switched back to them; they ask for
+// nothing but to fly on as the drone does. Nothing is ordered.
+void Mission::pilot(const MissionInput& in, Command& c, Output& out) {
+  if (in.telemetry_heard && !in.armed) {
+    airborne_ = false;
+    go(MissionState::complete, "the pilot stopped the motors", in, out);
+    return;
+  }
+  if (in.link->lost(in.now)) {
+    go(MissionState::lost_link, kUnheard, in, out);
+    return;
+  }
+  const bool fresh = in_sight(in);
+  if (in.mode == AutopilotMode::offboard) {
+    if (fresh) {
+      go(MissionState::go_around, "the pilot has given it back", in, out);
+    } else if (in.estimate_valid && unseen(in) < kStillKnown) {
+      go(MissionState::lost_target, "the pilot has given it back out of sight", in,
+         out);
+    } else {
+      go(MissionState::aborted,
+         "the pilot has given it back out of sight: the autopilot lands", in, out);
+    }
+    c.mode = in.estimate_valid ? Command::Mode::track : Command::Mode::silent;
+    return;
+  }
+  if (fresh != seen_by_pilot_ && to_seconds(in.now - told_) > kNotesApart) {
+    seen_by_pilot_ = fresh;
+    note(fresh ? "the pilot flies, the LEDs are in sight"
+               : "the pilot flies, the LEDs are out of sight",
+         in, out);
+  }
+  if (!in.estimate_valid) return;
+  FlatState as_it_flies;
+  as_it_flies.p_NB = in.x.p_NB;
+  as_it_flies.v_NB = in.x.v_NB;
+  as_it_flies.yaw = yaw_of(in.x.R_NB);
+  maneuver_ = Maneuver::coast(as_it_flies, in.now);
+  c.mode = Command::Mode::track;
 }
 
 }  // namespace alight

@@ -3,6 +3,7 @@
 #include "alight/mission/link_monitor.h"
 #include "alight/mission/maneuver.h"
 #include "alight/mission/mission_config.h"
+#include "alight/mission/sight_watch.h"
 
 namespace alight {
 
@@ -23,7 +24,9 @@ struct MissionInput {
   RelativeState x;              ///< At now.
   RelativeState x_seen;         ///< At the last picture.
   Time seen = 0;                ///< When that was captured.
-  PlatformState platform;       ///< At now.
+  Blindness blindness = Blindness::leds;  ///< Why nothing newer is seen.
+  bool computer_was_late = false;         ///< The brain was not run for a while.
+  PlatformState platform;                 ///< At now.
   /// Specific force in N that keeps the drone at rest over the pad's middle, as
   /// predicted for Mission::kTouchAhead from now.
   Vector3 f_touch_N = Vector3(0, 0, kGravity);
@@ -74,11 +77,18 @@ class Mission {
   void go(MissionState to, const char* reason, const MissionInput& in, Output& out);
   void move_to(const Vector3& p_NB, double speed, const MissionInput& in);
   void request_plan(const MissionInput& in, Output& out);
+  /// Something to be told that changes no state: an event all the same.
+  void note(const char* reason, const MissionInput& in, Output& out);
   bool settled(const MissionInput& in);
   bool overruled(const MissionInput& in, Output& out);
+  bool pilot_flies(const MissionInput& in) const;
+  bool watch_battery(const MissionInput& in, Output& out);
+  void stop_over_ground(const MissionInput& in);
+  bool may_be_left(const MissionInput& in);
   Seconds in_state(const MissionInput& in) const;
 
-  void idle(const MissionInput& in, Output& out);
+  void idle(const MissionInput& in, Command& c, Output& out);
+  void disarm(const MissionInput& in, Command& c);
   void armed(const MissionInput& in, Command& c, Output& out);
   void taken_off(const MissionInput& in, Command& c, Output& out);
   void follow(const MissionInput& in, Output& out);
@@ -89,12 +99,18 @@ class Mission {
   void lost_link(const MissionInput& in, Command& c, Output& out);
   void aborted(const MissionInput& in, Command& c, Output& out);
   void flare(const MissionInput& in);
+  void pilot(const MissionInput& in, Command& c, Output& out);
   bool may_touch(const MissionInput& in) const;
   bool touched_down(const MissionInput& in);
+  /// A bounce or a slide since the feet took the weight, and where it stands.
+  void watch_touch(const MissionInput& in, Output& out);
+  const char* how_it_stands(const MissionInput& in) const;
 
   MissionConfig config_;
+  PlatformOutline outline_;
   double gear_height_;
   double arm_;
+  double pad_half_;
   Vector3 from_lens_;
   double tilt_max_;
   MissionStatus status_;
@@ -105,8 +121,19 @@ class Mission {
   Matrix3 R_rest_ = Matrix3::Identity();
   Vector3 p_rest_ = Vector3::Zero();  // where it stood before take-off
 
+  bool obeyed_ = false;    // the autopilot has followed set-points since it was armed
   bool failsafe_ = false;  // the autopilot's, for want of set-points
   Time failsafe_since_ = 0;
+  Blindness blindness_ = Blindness::leds;  // as told last
+  Time told_ = 0;                          // when the last note was made
+  bool seen_by_pilot_ = false;
+  bool lateness_told_ = false;  // the computer's
+  bool battery_low_ = false, battery_falling_ = false;
+  Time battery_falling_since_ = 0;
+  int landings_before_low_ = 0;  // begun when the battery became low
+  bool disarms_ = false;         // on the ground: an armed drone is told to disarm
+  int starts_ = 0;               // take-offs begun
+  bool left_ = false;            // aborted: the autopilot has been told to land
   Time settled_since_ = 0;
   bool settling_ = false;
   Time last_order_ = 0;
@@ -118,11 +145,14 @@ class Mission {
   const char* plan_trouble_ = "";
   bool committed_ = false;
   bool flared_ = false;
+  bool abort_told_ = false;
   // Touch-down.
   bool low_ = false;
   Time low_since_ = 0;
   double low_z_ = 0;
   bool settling_down_ = false;
+  Vector3 p_touch_ = Vector3::Zero();
+  bool bounced_ = false, slid_ = false;
   Time settle_since_ = 0;
 };
 

@@ -48,8 +48,13 @@ Result<void> MissionConfig::validate() const {
           {"mission.ramp_from", ramp_from, 0, 1},
           {"mission.ramp_rate", ramp_rate, 0.05, 5},
           {"mission.ramp_to", ramp_to, 1, 2.5},
-          {"mission.battery_min", battery_min, 0, 1},
+          {"mission.search_climb_m", search_climb_m, 0, 10},
           {"mission.give_up_s", give_up_s, 0.1, 30},
+          {"mission.give_up_late_s", give_up_late_s, 0.1, 60},
+          {"mission.stop_acceleration_m_s2", stop_acceleration_m_s2, 0.1, 10},
+          {"mission.leave_max_s", leave_max_s, 0, 60},
+          {"mission.unsettled_max_s", unsettled_max_s, 1, 3600},
+          {"mission.battery_sure_s", battery_sure_s, 0, 10},
       });
       !good) {
     return good;
@@ -72,6 +77,15 @@ MissionConfig places_for(MissionConfig config, const Rig& rig) {
   }
   if (config.follow_point.isZero())
     config.follow_point = on_axis(config.follow_distance);
+  if (config.search_point.isZero()) {
+    config.search_point = config.follow_point;
+    for (double up = 0.05; up <= config.search_climb_m; up += 0.05) {
+      const Vector3 higher = config.follow_point + Vector3(0, 0, up);
+      if (!in_view(rig, higher)) break;
+      config.search_point = higher;
+    }
+  }
+  if (config.safety.leave_at_m.isZero()) config.safety.leave_at_m = config.follow_point;
   if (config.take_off_height_m <= 0) {
     const double gear = rig.drone.gear_height_m;
     double height = gear;

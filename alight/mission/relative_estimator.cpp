@@ -136,7 +136,8 @@ bool RelativeEstimator::fuse(const CameraFrame& frame, const MotionSource& motio
   }
   last_frame_ = frame.captured;
 
-  if (frozen(frame)) {
+  frozen_ = frozen(frame);
+  if (frozen_) {
     ++misses_;
     out.why_not = "the camera repeats its picture";
   } else if (filter_.initialized()) {

@@ -78,6 +78,8 @@ class RelativeEstimator {
   /// Capture time of the last picture that was tracked; only when initialized.
   Time last_sight() const { return last_sight_; }
   const RelativeFilter& filter() const { return filter_; }
+  /// The last picture repeated those before to the last bit.
+  bool camera_frozen() const { return frozen_; }
 
   /// State carried to `t` (any time at or after the last picture), inputs by `motion`.
   /// `cov`, when given, receives the covariance. @pre initialized().
@@ -150,6 +152,7 @@ class RelativeEstimator {
   double usual_rms_px_ = 0;        // of five LEDs and more; 0: not known
   std::uint64_t fingerprint_ = 0;  // of the last picture
   int alike_ = 0;                  // pictures in a row with it
+  bool frozen_ = false;            // so many that the camera has stopped
   Time last_frame_ = INT64_MIN;
   Time last_sight_ = 0;
   int misses_ = 0;

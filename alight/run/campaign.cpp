@@ -92,6 +92,7 @@ Result<LandingResult> Work::land(const CampaignRun& run) const {
   LandingRunOptions one;
   one.scenario = options_.scenarios[run.scenario].scenario;
   one.rig = options_.rig;
+  one.safety = options_.safety;
   one.profile = options_.profile;
   one.seed = run.seed;
   one.timeout_s = options_.timeout_s;
@@ -137,7 +138,7 @@ void Work::compute() {
 }
 
 Result<CampaignResult> Work::run() {
-  rig_hash_ = content_hash(rig_text(options_.rig));
+  rig_hash_ = content_hash(rig_text(options_.rig) + safety_text(options_.safety));
   for (std::size_t s = 0; s < options_.scenarios.size(); ++s) {
     const Scenario& scenario = options_.scenarios[s].scenario;
     scenario_hashes_.push_back(
@@ -186,7 +187,8 @@ Result<void> CampaignOptions::validate() const {
       return fail(good.error().fault, s.name + ": " + good.error().detail);
     }
   }
-  return rig.validate();
+  if (auto good = rig.validate(); !good) return good;
+  return safety.validate(rig);
 }
 
 Result<CampaignResult> run_campaign(

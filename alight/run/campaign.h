@@ -14,7 +14,9 @@ struct CampaignScenario {
   std::string name;
   Scenario scenario;
   std::string fault = {};          ///< Of a grid of faults: which (fault_grid.h),
-  std::vector<Outcome> ends = {};  ///< and how it may end; empty: any but a crash.
+  std::vector<Outcome> ends = {};  ///< and how it may end; empty: any but a crash;
+  std::vector<std::string> because = {};  ///< unless it landed, for a reason that holds
+                                          ///< one of these; empty: any.
 };
 
 /// Many landings: every scenario with every seed of
@@ -22,6 +24,7 @@ struct CampaignScenario {
 struct CampaignOptions {
   std::vector<CampaignScenario> scenarios;
   Rig rig;
+  Safety safety;
   Profile profile = Profile::standard;
   std::uint64_t first_seed = 1;
   int seeds = 20;

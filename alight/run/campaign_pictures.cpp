@@ -85,7 +85,7 @@ Panel fault_panel(const CampaignOptions& options, const CampaignResult& result) 
     Cell& cell = cells[{row->second, at_s}];
     ++cell.runs;
     cell.landed += run.result.outcome == Outcome::landed;
-    cell.wrong += !ended_well(scenario, run.result.outcome);
+    cell.wrong += !ended_well(scenario, run.result);
   }
   Panel panel;
   panel.title = "How landings ended, by fault and the instant of its beginning";

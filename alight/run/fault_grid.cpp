@@ -65,6 +65,13 @@ FaultCase read_case(YamlMap& map) {
       map.complain("ends", not_one_of(std::string(word), outcome_names()));
     }
   }
+  std::string because;
+  map.read("because", because);
+  for (const std::string_view words : split(because, '|')) {
+    if (const std::string_view part = trimmed(words); !part.empty()) {
+      one.because.emplace_back(part);
+    }
+  }
   return one;
 }
 
@@ -93,12 +100,13 @@ Result<std::vector<FaultCase>> read(Result<YamlMap> file, const std::string& nam
 
 CampaignScenario with(const CampaignScenario& base, const std::string& fault,
                       double at_s, std::vector<FaultScenario> faults,
-                      std::vector<Outcome> ends) {
+                      std::vector<Outcome> ends, std::vector<std::string> because) {
   CampaignScenario made = base;
   made.name = base.name + " + " + fault + " at " + number_text(at_s) + " s";
   made.fault = fault;
   made.scenario.faults = std::move(faults);
   made.ends = std::move(ends);
+  made.because = std::move(because);
   return made;
 }
 
@@ -124,7 +132,7 @@ std::vector<CampaignScenario> apply_faults(const std::vector<CampaignScenario>& 
       if (!grid.pairs) {
         for (const double at_s : grid.at_s) {
           first.at_s = at_s;
-          all.push_back(with(base, a.name, at_s, {first}, a.ends));
+          all.push_back(with(base, a.name, at_s, {first}, a.ends, a.because));
         }
         continue;
       }
@@ -137,20 +145,35 @@ std::vector<CampaignScenario> apply_faults(const std::vector<CampaignScenario>& 
         std::vector<Outcome> ends = a.ends;
         ends.insert(ends.end(), b.ends.begin(), b.ends.end());
         if (a.ends.empty() || b.ends.empty()) ends.clear();
-        all.push_back(
-            with(base, a.name + ", " + b.name, at_s, {first, second}, std::move(ends)));
+        // Together they may end a landing that neither would have ended alone; whatever
+        // is said must still be about one of the two, where both say what that is.
+        std::vector<std::string> because = a.because;
+        because.insert(because.end(), b.because.begin(), b.because.end());
+        all.push_back(with(base, a.name + ", " + b.name, at_s, {first, second},
+                           std::move(ends), std::move(because)));
       }
     }
   }
   return all;
 }
 
-bool ended_well(const CampaignScenario& scenario, Outcome outcome) {
-  if (scenario.ends.empty()) {
-    return outcome != Outcome::crashed && outcome != Outcome::timeout;
+bool ended_well(const CampaignScenario& scenario, const LandingResult& result) {
+  const Outcome outcome = result.outcome;
+  if (outcome == Outcome::crashed || outcome == Outcome::timeout) return false;
+  const auto& ends = scenario.ends;
+  if (!ends.empty() && std::find(ends.begin(), ends.end(), outcome) == ends.end()) {
+    return false;
   }
-  return std::find(scenario.ends.begin(), scenario.ends.end(), outcome) !=
-         scenario.ends.end();
+  if (outcome == Outcome::lost_link_landing && result.lost_link &&
+      (result.lost_link->drift_m > kDriftMax_m ||
+       result.lost_link->sink_m_s > kSinkMax_m_s)) {
+    return false;
+  }
+  const auto& because = scenario.because;
+  return outcome == Outcome::landed || because.empty() ||
+         std::any_of(because.begin(), because.end(), [&](const std::string& words) {
+           return result.reason.find(words) != std::string::npos;
+         });
 }
 
 std::vector<FaultSummary> summarize_faults(const CampaignOptions& options,
@@ -169,7 +192,7 @@ std::vector<FaultSummary> summarize_faults(const CampaignOptions& options,
     FaultSummary& s = all[at->second];
     const LandingResult& r = run.result;
     ++s.runs;
-    s.wrong += !ended_well(scenario, r.outcome);
+    s.wrong += !ended_well(scenario, r);
     ++s.outcomes[to_string(r.outcome)];
     ++s.reasons[std::string(to_string(r.outcome)) + ": " + r.reason];
     if (r.outcome == Outcome::lost_link_landing && r.lost_link) {

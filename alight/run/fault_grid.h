@@ -12,16 +12,19 @@ namespace alight {
 struct FaultCase {
   std::string name;
   FaultScenario fault;
-  std::vector<Outcome> ends;  ///< Any other is wrong.
+  std::vector<Outcome> ends;         ///< Any other is wrong,
+  std::vector<std::string> because;  ///< as is a reason that holds none of these, of a
+                                     ///< landing that did not come about.
 };
 
 /// Reads a file of fault cases:
 ///
 ///   cases:
-///     - {name: camera out for 1 s, kind: camera_out, for_s: 1, ends: [landed]}
+///     - {name: pictures stop, kind: camera_out, for_s: 1000,
+///        ends: landed aborted, because: no pictures | out of sight}
 ///
 /// with the parameters of each kind (fault.h); `at_s` is the grid's. Without `ends`
-/// all but a crash and a timeout will do.
+/// all but a crash and a timeout will do, without `because` any reason.
 Result<std::vector<FaultCase>> load_fault_cases(const std::string& path);
 Result<std::vector<FaultCase>> parse_fault_cases(const std::string& text,
                                                  const std::string& name);
@@ -57,7 +60,12 @@ std::vector<FaultSummary> summarize_faults(const CampaignOptions& options,
 /// As a table of Markdown, a row a fault.
 std::string fault_table(const std::vector<FaultSummary>& summaries);
 
-/// Whether a landing of this scenario may end so.
-bool ended_well(const CampaignScenario& scenario, Outcome outcome);
+/// What a drone may do while its autopilot acts alone: drift over the ground and sink.
+inline constexpr double kDriftMax_m = 1.5;
+inline constexpr double kSinkMax_m_s = 0.7;
+
+/// Whether a landing of this scenario may end so: outcome and reason are those
+/// expected, and a drone left alone has neither drifted too far nor sunk too fast.
+bool ended_well(const CampaignScenario& scenario, const LandingResult& result);
 
 }  // namespace alight

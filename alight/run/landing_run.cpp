@@ -153,6 +153,7 @@ LandingConfig landing_config(const LandingRunOptions& options) {
     config.pid.platform_feed_forward = true;
   }
   config.mission.start_on_floor = options.scenario.start.place == StartPlace::floor;
+  config.mission.safety = options.safety;
   return config;
 }
 
@@ -207,6 +208,7 @@ class Loop {
   Result<void> take_pictures(Time now);
   void hand_over(Exposure e);
   Result<void> gather(Time now);
+  void operator_of_faults(Time now);
   void carry_out(Time now);
   void judge(LandingResult& result) const;
 
@@ -233,6 +235,7 @@ class Loop {
   std::uint64_t next_picture_ = 0;
   bool said_go_ = false;
   bool said_hold_ = false;
+  Time operator_heard_ = 0;  // up to then what faults make the operator say was said
   bool was_lost_link_ = false;
   Time stopped_at_ = -1;
 };
@@ -336,7 +339,27 @@ Result<void> Loop::gather(Time now) {
     said_hold_ = true;
     events_.emplace_back(OperatorInput{now, now, OperatorWish::hold});
   }
+  operator_of_faults(now);
   return {};
+}
+
+void Loop::operator_of_faults(Time now) {
+  const auto due = [&](double at_s) {
+    const Time at = from_seconds(at_s);
+    return at > operator_heard_ && at <= now;
+  };
+  for (const FaultScenario& f : options_.scenario.faults) {
+    const bool hold = f.kind == FaultKind::operator_hold;
+    if (!hold && f.kind != FaultKind::operator_abort) continue;
+    if (due(f.at_s)) {
+      events_.emplace_back(
+          OperatorInput{now, now, hold ? OperatorWish::hold : OperatorWish::abort});
+    }
+    if (hold && due(f.at_s + f.for_s)) {
+      events_.emplace_back(OperatorInput{now, now, OperatorWish::go});
+    }
+  }
+  operator_heard_ = now;
 }
 
 void Loop::carry_out(Time now) {
@@ -396,7 +419,10 @@ void Loop::judge(LandingResult& result) const {
       result.outcome = Outcome::crashed;
       result.reason = "came to rest not on its feet inside the pad";
     }
-  } else if (mission.state == MissionState::hold) {
+  } else if (stopped) {
+    result.outcome = Outcome::refused;  // it ended before it had flown
+  } else if (mission.state == MissionState::hold ||
+             mission.state == MissionState::pilot) {
     result.outcome = Outcome::held;
   } else if (mission.state == MissionState::aborted) {
     result.outcome = Outcome::aborted;

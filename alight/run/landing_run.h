@@ -17,6 +17,7 @@ namespace alight {
 struct LandingRunOptions {
   Scenario scenario;
   Rig rig;  ///< As written down; the one that flies is drawn around it.
+  Safety safety;
   Profile profile = Profile::standard;
   std::uint64_t seed = 1;
   double timeout_s = 60;

@@ -153,7 +153,7 @@ Result<std::vector<std::string>> RunRecord::save(const std::string& folder,
   std::filesystem::remove(folder + "/result.json", none_there);
   const std::pair<const char*, std::string> files[] = {
       {"scenario.yaml", scenario_text(scenario)},
-      {"rig.yaml", rig_text(p.options.rig)},
+      {"rig.yaml", rig_text(p.options.rig) + safety_text(p.options.safety)},
       {"rig_true.yaml", rig_text(p.rig_true)},
       {"truth.tum", tum_text(p.truth)},
       {"estimate.tum", tum_text(p.estimate)},

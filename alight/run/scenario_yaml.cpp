@@ -76,6 +76,7 @@ void visit(Visitor& v, Scenario& s) {
     m.field("link_loss_ms", s.autopilot.link_loss_ms);
     m.choice("link_loss", s.autopilot.link_loss,
              {LinkLossAction::land, LinkLossAction::descend, LinkLossAction::drift});
+    m.field("land_speed_m_s", s.autopilot.land_speed_m_s);
   });
   v.map("rig_error", [&](auto& m) {
     m.field("led_mm", s.rig_error.led_mm);

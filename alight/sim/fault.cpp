@@ -70,6 +70,8 @@ constexpr std::array<Kind, kFaultKinds> kKinds{{
     {"battery_low", kBattery},
     {"computer_stall", {}},
     {"planner_late", kLateAlone},
+    {"operator_hold", {}},
+    {"operator_abort", {}},
     {"gust", kGust},
     {"pad_start", kPadStart},
     {"pad_stop", {}},

@@ -46,13 +46,16 @@ enum class FaultKind : std::uint8_t {
   // The platform's computer.
   computer_stall,  ///< The brain does not run; what arrives waits.
   planner_late,    ///< Plans come later by `late_ms`.
+  // The operator.
+  operator_hold,   ///< Says hold and, at the end, go.
+  operator_abort,  ///< Says abort.
   // The world.
   gust,       ///< A blow of `gust_m_s` beside the wind, from the scenario's from_deg.
   pad_start,  ///< The platform drives off, at `pad_m_s`, whatever it was told.
   pad_stop,   ///< It brakes hard and stands.
   pad_turn,   ///< It turns hard at `pad_deg_s`.
 };
-inline constexpr int kFaultKinds = 31;
+inline constexpr int kFaultKinds = 33;
 const char* to_string(FaultKind kind);
 std::optional<FaultKind> fault_kind(std::string_view name);
 

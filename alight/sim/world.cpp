@@ -30,6 +30,7 @@ AutopilotConfig autopilot_config(const Scenario& scenario) {
   config.belief.heading_drift_deg_min = scenario.autopilot.heading_drift_deg_min;
   config.loss_s = 1e-3 * scenario.autopilot.link_loss_ms;
   config.loss_action = scenario.autopilot.link_loss;
+  config.land_speed_m_s = scenario.autopilot.land_speed_m_s;
   return config;
 }
 

@@ -139,6 +139,43 @@ TEST_F(RigYamlFiles, BadOnesAreNamed) {
   EXPECT_NE(with("mount:", "mounts:").find("mount"), std::string::npos);
 }
 
+TEST_F(RigYamlFiles, SafetyReadsBackAndBadOnesAreNamed) {
+  const std::string text = *read_file(ALIGHT_SOURCE_DIR "/config/rigs/alan.yaml");
+  const Rig rig = alan_rig();
+  ASSERT_EQ(why(text), "");
+  const auto none = load_safety(path("rig.yaml"), rig);
+  ASSERT_TRUE(none) << none.error().detail;
+  EXPECT_EQ(safety_text(*none), safety_text(Safety{}));
+
+  Safety told;
+  told.battery_low = 0.25;
+  told.battery_empty = 0.125;
+  told.when_battery_low = WhenBatteryLow::leave;
+  told.landings_max = 3;
+  told.when_failed = WhenFailed::leave;
+  told.leave_at_m = Vector3(-1.5, 0.25, 0.75);
+  ASSERT_TRUE(save_rig(path("rig.yaml"), rig, told));
+  ASSERT_TRUE(load_rig(path("rig.yaml")));
+  const auto again = load_safety(path("rig.yaml"), rig);
+  ASSERT_TRUE(again) << again.error().detail;
+  EXPECT_EQ(again->battery_low, told.battery_low);
+  EXPECT_EQ(again->battery_empty, told.battery_empty);
+  EXPECT_EQ(again->when_battery_low, told.when_battery_low);
+  EXPECT_EQ(again->landings_max, told.landings_max);
+  EXPECT_EQ(again->when_failed, told.when_failed);
+  EXPECT_EQ(again->leave_at_m, told.leave_at_m);
+
+  EXPECT_NE(why(text + "safety: {batery_low: 0.2}\n").find("did you mean battery_low?"),
+            std::string::npos);
+  EXPECT_NE(why(text + "safety: {when_failed: leaves}\n").find("did you mean leave?"),
+            std::string::npos);
+  ASSERT_EQ(why(text + "safety: {battery_low: 2}\n"), "");
+  const auto bad = load_safety(path("rig.yaml"), rig);
+  ASSERT_FALSE(bad);
+  EXPECT_EQ(bad.error().detail,
+            path("rig.yaml") + ": safety.battery_low is 2, must lie in [0, 1]");
+}
+
 TEST_F(RigYamlFiles, ATagReadsBackAndBadOnesAreNamed) {
   const std::string text = *read_file(ALIGHT_SOURCE_DIR "/config/rigs/alan.yaml");
   EXPECT_FALSE(load_rig(ALIGHT_SOURCE_DIR "/config/rigs/alan.yaml")->tag);

@@ -23,6 +23,13 @@ std::vector<FaultCase> three() {
   return cases ? *cases : std::vector<FaultCase>{};
 }
 
+LandingResult ending(Outcome outcome, const std::string& reason = "any") {
+  LandingResult result;
+  result.outcome = outcome;
+  result.reason = reason;
+  return result;
+}
+
 std::string complaint(const std::string& text) {
   const auto cases = parse_fault_cases(text, "f.yaml");
   return cases ? "" : cases.error().detail;
@@ -64,6 +71,9 @@ TEST(FaultGrid, TheNamedMatrixHoldsEveryKindOfFault) {
   for (const FaultCase& one : *cases) {
     kinds.insert(one.fault.kind);
     EXPECT_FALSE(one.ends.empty()) << one.name;
+    // What may end otherwise than on the pad says why it may.
+    EXPECT_EQ(one.because.empty(), one.ends == std::vector{Outcome::landed})
+        << one.name;
     if (one.fault.kind == FaultKind::led_dead) {
       dead.insert(static_cast<int>(one.fault.led));
     }
@@ -98,10 +108,33 @@ TEST(FaultGrid, EveryFaultAtEveryInstantOrEveryPairOnce) {
     EXPECT_GT(s.scenario.faults[1].at_s, s.scenario.faults[0].at_s);
   }
   EXPECT_EQ(pairs[0].fault, "dark, deaf");
-  EXPECT_TRUE(ended_well(pairs[0], Outcome::lost_link_landing));
-  EXPECT_FALSE(ended_well(pairs[0], Outcome::aborted));
-  EXPECT_TRUE(ended_well(pairs[1], Outcome::aborted));  // "blow" may end anyhow
-  EXPECT_FALSE(ended_well(pairs[1], Outcome::crashed));
+  EXPECT_TRUE(ended_well(pairs[0], ending(Outcome::lost_link_landing)));
+  EXPECT_FALSE(ended_well(pairs[0], ending(Outcome::aborted)));
+  EXPECT_TRUE(ended_well(pairs[1], ending(Outcome::aborted)));  // "blow" may end anyhow
+  EXPECT_FALSE(ended_well(pairs[1], ending(Outcome::crashed)));
+  EXPECT_FALSE(ended_well(pairs[1], ending(Outcome::timeout)));
+}
+
+TEST(FaultGrid, AnEndIsJudgedByItsReasonAndByWhatTheDroneDidAlone) {
+  const auto cases = parse_fault_cases(
+      "cases: [{name: a, kind: radio_out, ends: landed lost_link_landing refused, "
+      "because: link | set-points }]",
+      "f.yaml");
+  ASSERT_TRUE(cases) << cases.error().detail;
+  ASSERT_EQ(cases->at(0).because, (std::vector<std::string>{"link", "set-points"}));
+  const auto made = apply_faults({{.name = "a.yaml", .scenario = {}}},
+                                 {.cases = *cases, .at_s = {1}});
+  EXPECT_TRUE(ended_well(made[0], ending(Outcome::landed, "motors stopped")));
+  EXPECT_TRUE(ended_well(made[0], ending(Outcome::refused, "the link is lost")));
+  EXPECT_FALSE(ended_well(made[0], ending(Outcome::refused, "no odometry")));
+  LandingResult alone = ending(Outcome::lost_link_landing, "set-points did not arrive");
+  EXPECT_TRUE(ended_well(made[0], alone));
+  alone.lost_link = {kDriftMax_m, kSinkMax_m_s};
+  EXPECT_TRUE(ended_well(made[0], alone));
+  alone.lost_link = {kDriftMax_m + 0.01, kSinkMax_m_s};
+  EXPECT_FALSE(ended_well(made[0], alone));
+  alone.lost_link = {0, kSinkMax_m_s + 0.01};
+  EXPECT_FALSE(ended_well(made[0], alone));
 }
 
 TEST(FaultGrid, ScenariosMadeUpReadBackAsTheyWere) {

@@ -106,5 +106,70 @@ TEST(LandingFaults, AStalledComputerDoesNotStepAndThenGoesOn) {
   EXPECT_LE(within(seen, 1, 1.5), 11);
 }
 
+/// A whole landing on a still pad with one fault.
+struct Story : RunObserver {
+  std::vector<MissionTransition> told;
+  LandingResult result;
+
+  void on_step(const Output& out, const TruthState&, double) override {
+    for (const MissionTransition& t : out.transitions) told.push_back(t);
+  }
+  bool says(const std::string& words) const {
+    for (const MissionTransition& t : told) {
+      if (words == t.reason) return true;
+    }
+    return false;
+  }
+};
+
+Story story(const FaultScenario& fault, unsigned seed) {
+  LandingRunOptions options = test::options_of("still", seed);
+  options.timeout_s = 40;
+  options.scenario.faults = {fault};
+  Story told;
+  const auto result = run_landing(options, &told);
+  EXPECT_TRUE(result);
+  if (result) told.result = *result;
+  return told;
+}
+
+TEST(LandingFaults, EachIsToldByItsOwnReason) {
+  struct Case {
+    FaultScenario fault;
+    const char* told;
+  };
+  const Case cases[] = {
+      {{.kind = FaultKind::computer_stall, .at_s = 5, .for_s = 1},
+       "the computer stood still"},
+      {{.kind = FaultKind::autopilot_mode, .at_s = 5, .for_s = 2},
+       "the pilot has taken over"},
+      {{.kind = FaultKind::camera_late, .at_s = 5, .for_s = 2, .late_ms = 400},
+       "the pictures come too late"},
+      {{.kind = FaultKind::camera_out, .at_s = 5, .for_s = 1},
+       "no pictures come from the camera"},
+      {{.kind = FaultKind::battery_low, .at_s = 5, .charge = 0.1},
+       "the battery is low: it lands without waiting"},
+      {{.kind = FaultKind::operator_hold, .at_s = 5, .for_s = 1}, "the operator holds"},
+  };
+  for (const Case& c : cases) {
+    const Story s = story(c.fault, 5);
+    EXPECT_TRUE(s.says(c.told)) << c.told;
+    EXPECT_EQ(s.result.outcome, Outcome::landed) << c.told << ": " << s.result.reason;
+  }
+}
+
+TEST(LandingFaults, TheOperatorsAbortEndsOffThePad) {
+  const Story s = story({.kind = FaultKind::operator_abort, .at_s = 5}, 5);
+  EXPECT_EQ(s.result.outcome, Outcome::aborted);
+  EXPECT_EQ(s.result.reason, "the operator aborted: the autopilot lands");
+}
+
+TEST(LandingFaults, APilotWhoKeepsItHasIt) {
+  const Story s =
+      story({.kind = FaultKind::autopilot_mode, .at_s = 5, .for_s = 1000}, 5);
+  EXPECT_EQ(s.result.outcome, Outcome::held);
+  EXPECT_EQ(s.result.reason.find("the pilot"), 0u) << s.result.reason;
+}
+
 }  // namespace
 }  // namespace alight
