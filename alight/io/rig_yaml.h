@@ -3,7 +3,7 @@
 
 #include "alight/base/result.h"
 #include "alight/geometry/rig.h"
-#include "alight/mission/safety.h"
+#include "alight/geometry/safety.h"
 
 namespace alight {
 

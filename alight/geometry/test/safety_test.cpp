@@ -1,4 +1,4 @@
-#include "alight/mission/safety.h"
+#include "alight/geometry/safety.h"
 
 #include <gtest/gtest.h>
 
