@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <numbers>
 
 #include "alight/base/bounds.h"
 #include "alight/base/median.h"
@@ -209,9 +210,11 @@ void LedResolver::fit(const ImageView& image, BlobSpan blobs, const Assignment& 
     if (used) continue;
     foreign.push_back(foreign_light(blobs[j], margin_px));
   }
+  // Lights in one blob share its area, more or less.
+  const double radius = std::sqrt(patch.area_px / (count * std::numbers::pi));
   auto found =
       fit_spots(image, {starts.data(), starts.size()}, {heights.data(), heights.size()},
-                spread_, blur, {foreign.data(), foreign.size()});
+                spread_, blur, {foreign.data(), foreign.size()}, radius);
   if (!found) return;
   if (patch.area_px == 0 &&
       (found->height[0] < kDimLeast ||

@@ -11,6 +11,9 @@ namespace {
 
 constexpr double kReach = 2.6;        // standard deviations around a light
 constexpr int kCensored = 240;        // grey level from which a pixel is full
+constexpr double kRim = 1.5;          // px around a full light
+constexpr float kFullShare = 0.5f;    // of the pixels; beyond it a light is full
+constexpr double kVagueSd = 3;        // px; a place known no better is not known
 constexpr float kReadVariance = 6;    // of a pixel's luminance, grey levels^2
 constexpr float kShot = 0.15f;        // variance per grey level
 constexpr float kMismatch = 0.04f;    // of the model, share of the light
@@ -90,6 +93,13 @@ bool gather(const ImageView& image, std::span<const Vector2> starts, double reac
   }
   out.padded = static_cast<int>(count);
   return true;
+}
+
+float full_share(const Pixels& pixels) {
+  float full = 0;
+  for (int i = 0; i < pixels.count; ++i)
+    full += pixels.full[static_cast<std::size_t>(i)];
+  return full / static_cast<float>(pixels.count);
 }
 
 /// exp(x) for x <= 0, to 2e-5; a loop over it needs no library call.
@@ -261,6 +271,10 @@ std::optional<SpotFit> fit(const Pixels& pixels, std::span<const Vector2> starts
   const Eigen::LLT<Eigen::Matrix<double, K + 2, K + 2>> nn(H_nn);
   if (nn.info() != Eigen::Success) return std::nullopt;
   out.information = H_pp - H_pn * nn.solve(H_pn.transpose());
+  if (K == 1 && std::min(out.information(0, 0), out.information(1, 1)) <
+                    1 / (kVagueSd * kVagueSd)) {
+    return std::nullopt;
+  }
   out.variance_px2 = spread.variance_px2 * width;
   out.variance_information =
       (H(kWidth, kWidth) - 1 / (spread.share_sd * spread.share_sd)) /
@@ -279,10 +293,14 @@ std::optional<SpotFit> fit_spots(const ImageView& image,
                                  std::span<const Vector2> starts,
                                  std::span<const double> heights,
                                  const PointSpread& spread, const Vector2& blur_px,
-                                 std::span<const ForeignLight> foreign) {
+                                 std::span<const ForeignLight> foreign,
+                                 double radius_px) {
   if (starts.empty() || starts.size() > kMaxGroup) return std::nullopt;
   Pixels pixels;
-  if (!gather(image, starts, spot_reach_px(spread, blur_px), foreign, pixels)) {
+  const double reach = spot_reach_px(spread, blur_px);
+  if (!gather(image, starts, reach, foreign, pixels)) return std::nullopt;
+  if (radius_px + kRim > reach && full_share(pixels) > kFullShare &&
+      !gather(image, starts, radius_px + kRim, foreign, pixels)) {
     return std::nullopt;
   }
   switch (starts.size()) {
