@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
-#include <numbers>
 
 #include "alight/base/bounds.h"
 #include "alight/base/median.h"
@@ -210,11 +209,9 @@ void LedResolver::fit(const ImageView& image, BlobSpan blobs, const Assignment& 
     if (used) continue;
     foreign.push_back(foreign_light(blobs[j], margin_px));
   }
-  // Lights in one blob share its area, more or less.
-  const double radius = std::sqrt(patch.area_px / (count * std::numbers::pi));
   auto found =
       fit_spots(image, {starts.data(), starts.size()}, {heights.data(), heights.size()},
-                spread_, blur, {foreign.data(), foreign.size()}, radius);
+                spread_, blur, {foreign.data(), foreign.size()});
   if (!found) return;
   if (patch.area_px == 0 &&
       (found->height[0] < kDimLeast ||
@@ -372,12 +369,11 @@ std::optional<LedFrame> LedResolver::follow(const ImageView& image, BlobSpan blo
       continue;
     }
     if (patch.area_px == 0) continue;
-    // A single large one stays what its blob says.
+    // A single large or full one stays what its blob says.
     const auto n = static_cast<std::size_t>(patch.members[0]);
-    if (patch.members.size() > 1 || patch.area_px <= config_.area_max_px) {
-      return std::nullopt;
-    }
+    if (patch.members.size() > 1) return std::nullopt;
     const Blob& blob = blobs[static_cast<std::size_t>(match.blob[n])];
+    if (patch.area_px <= config_.area_max_px && !blob.saturated) return std::nullopt;
     LedObservation o;
     o.leds = static_cast<std::uint16_t>(1u << n);
     o.uv = blob.uv;

@@ -11,9 +11,7 @@ namespace {
 
 constexpr double kReach = 2.6;        // standard deviations around a light
 constexpr int kCensored = 240;        // grey level from which a pixel is full
-constexpr double kRim = 1.5;          // px around a full light
-constexpr float kFullShare = 0.5f;    // of the pixels; beyond it a light is full
-constexpr double kVagueSd = 3;        // px; a place known no better is not known
+constexpr float kFullMost = 0.67f;    // share of full pixels; beyond it no rim is seen
 constexpr float kReadVariance = 6;    // of a pixel's luminance, grey levels^2
 constexpr float kShot = 0.15f;        // variance per grey level
 constexpr float kMismatch = 0.04f;    // of the model, share of the light
@@ -271,10 +269,6 @@ std::optional<SpotFit> fit(const Pixels& pixels, std::span<const Vector2> starts
   const Eigen::LLT<Eigen::Matrix<double, K + 2, K + 2>> nn(H_nn);
   if (nn.info() != Eigen::Success) return std::nullopt;
   out.information = H_pp - H_pn * nn.solve(H_pn.transpose());
-  if (K == 1 && std::min(out.information(0, 0), out.information(1, 1)) <
-                    1 / (kVagueSd * kVagueSd)) {
-    return std::nullopt;
-  }
   out.variance_px2 = spread.variance_px2 * width;
   out.variance_information =
       (H(kWidth, kWidth) - 1 / (spread.share_sd * spread.share_sd)) /
@@ -293,16 +287,13 @@ std::optional<SpotFit> fit_spots(const ImageView& image,
                                  std::span<const Vector2> starts,
                                  std::span<const double> heights,
                                  const PointSpread& spread, const Vector2& blur_px,
-                                 std::span<const ForeignLight> foreign,
-                                 double radius_px) {
+                                 std::span<const ForeignLight> foreign) {
   if (starts.empty() || starts.size() > kMaxGroup) return std::nullopt;
   Pixels pixels;
-  const double reach = spot_reach_px(spread, blur_px);
-  if (!gather(image, starts, reach, foreign, pixels)) return std::nullopt;
-  if (radius_px + kRim > reach && full_share(pixels) > kFullShare &&
-      !gather(image, starts, radius_px + kRim, foreign, pixels)) {
+  if (!gather(image, starts, spot_reach_px(spread, blur_px), foreign, pixels)) {
     return std::nullopt;
   }
+  if (full_share(pixels) > kFullMost) return std::nullopt;
   switch (starts.size()) {
     case 1:
       return fit<1>(pixels, starts, heights, spread, blur_px);

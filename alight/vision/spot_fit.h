@@ -59,18 +59,14 @@ struct SpotFit {
 ///                half.
 /// @param blur_px Displacement of the images during the exposure.
 /// @param foreign Lights that are none of these.
-/// @param heights  As SpotFit::height where they are expected; 0 or none: unknown.
-/// @param radius_px Of the largest of them as it shows in the picture; 0: not known. A
-///                  light whose middle is full as far as `spread` reaches is looked at
-///                  to its rim: nothing else tells where it is.
 /// @returns nothing when the lights leave the picture, or what is found is none of the
-///          expected: too far off, or of another shape; nor when the pixels do not say
-///          where a single light is.
+///          expected: too far off, or of another shape; nor when they are full as far
+///          as they were thought to reach, for then any place fits.
+/// @param heights  As SpotFit::height where they are expected; 0 or none: unknown.
 std::optional<SpotFit> fit_spots(const ImageView& image,
                                  std::span<const Vector2> starts,
                                  std::span<const double> heights,
                                  const PointSpread& spread, const Vector2& blur_px,
-                                 std::span<const ForeignLight> foreign,
-                                 double radius_px = 0);
+                                 std::span<const ForeignLight> foreign);
 
 }  // namespace alight

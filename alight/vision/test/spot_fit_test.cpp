@@ -47,37 +47,31 @@ Lights draw(int count, double apart, Rng& rng) {
   return out;
 }
 
-// Near the lens a bright light is full as far as a point's light reaches: only its rim
-// says where it is.
-TEST(SpotFit, AFullLightIsPlacedByItsRimOrNotAtAll) {
+// Near the lens a bright light is full as far as a point's light reaches: every place
+// within fits without a residual.
+TEST(SpotFit, AFullLightIsPlacedRightOrNotAtAll) {
   const PointSpread narrow{0.63, 0.08};
   Rng rng(7);
   int placed = 0;
-  double worst = 0;
-  constexpr int kRuns = 200;
+  constexpr int kRuns = 400;
   for (int run = 0; run < kRuns; ++run) {
     Picture picture(3, 100, 80);
     const Vector2 uv(50 + rng.uniform(), 40 + rng.uniform());
-    const double sd = rng.uniform(1.0, 1.5);
-    picture.add(uv, LedColor::green, 3000, sd);
+    const double light = rng.uniform(200, 4000), sd = rng.uniform(0.8, 1.3);
+    picture.add(uv, LedColor::green, light, sd);
     const ImageView image = picture.expose(rng);
-    const Vector2 start = uv + 0.5 * Vector2(rng.normal(), rng.normal());
-    const std::vector<Vector2> starts = {start};
+    const std::vector<Vector2> starts = {uv +
+                                         0.3 * Vector2(rng.normal(), rng.normal())};
     const double height = rng.uniform(300, 900);  // as learnt from afar
-    const double radius = sd * std::sqrt(2 * std::log(3000 / 40.0));
-    // Told nothing of its size, the pixels say nothing.
-    const auto blind =
-        fit_spots(image, starts, {&height, 1}, narrow, Vector2::Zero(), {});
-    EXPECT_TRUE(!blind || (blind->uv[0] - uv).norm() < 1.0) << run;
     const auto fitted =
-        fit_spots(image, starts, {&height, 1}, narrow, Vector2::Zero(), {}, radius);
+        fit_spots(image, starts, {&height, 1}, narrow, Vector2::Zero(), {});
     if (!fitted) continue;
     ++placed;
-    worst = std::max(worst, (fitted->uv[0] - uv).norm());
+    // The light is wider than was learnt: the model's error, not the noise's.
+    EXPECT_LT((fitted->uv[0] - uv).norm(), 0.5) << run;
     EXPECT_GT(fitted->information(0, 0), 1) << run;
   }
-  EXPECT_GT(placed, kRuns / 2);
-  EXPECT_LT(worst, 0.3);
+  EXPECT_GT(placed, kRuns / 20);
 }
 
 TEST(SpotFit, PlacesLightsThatRunTogether) {
