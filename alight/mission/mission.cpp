@@ -32,10 +32,11 @@ constexpr Seconds kShutDownUnheard = 3;
 // pose.
 constexpr double kBounce = 0.03;
 constexpr double kSlide = 0.03;
-// Error of speed counts for as long as the rest of a landing takes from the commit on.
+constexpr double kStandNoise = 0.001;  // m; a rise that standing drones show
 constexpr double kFootSpread = 0.7;  // of the feet from the middle, of the arm
 // At least so far ahead of now control looks at the reference.
 constexpr Seconds kControlAhead = 0.25;
+// Error of speed counts for as long as the rest of a landing takes from the commit on.
 constexpr Seconds kMissAhead = 0.25;
 
 // Why only the autopilot acts.
@@ -487,7 +488,8 @@ void Mission::taken_off(const MissionInput& in, Command& c, Output& out) {
   const double tipped =
       angle_between(Vector3(in.x_seen.R_NB.col(2)), Vector3(R_rest_.col(2)));
   // Tipping over a foot lifts the middle, too.
-  const bool rose = way.z() - arm_ * std::sin(tipped) > config_.lift_m;
+  const double rise = way.z() - arm_ * std::sin(tipped);
+  const bool rose = rise > config_.lift_m;
   // Light on its feet it slides and tips before it flies; thrust must go on growing, or
   // it stays there.
   const bool slipped =
@@ -497,9 +499,10 @@ void Mission::taken_off(const MissionInput& in, Command& c, Output& out) {
   airborne_ = true;
   c.lifted = true;
   // Thrust grows evenly, so the rise goes with the third power of time.
-  c.lifted_since = config_.start_on_floor || !rose
+  const double flown = std::max(rise - kStandNoise, 0.0);
+  c.lifted_since = config_.start_on_floor
                        ? 0
-                       : std::cbrt(6 * config_.lift_m / (config_.ramp_rate * kGravity));
+                       : std::cbrt(6 * flown / (config_.ramp_rate * kGravity));
   c.mode = Command::Mode::track;
   FlatState from;
   from.p_NB = in.x.p_NB;

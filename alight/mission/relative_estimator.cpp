@@ -7,7 +7,9 @@
 namespace alight {
 namespace {
 
-constexpr double kAnyFit = 1e9;  // px
+constexpr double kAnyFit = 1e9;       // px
+constexpr double kNearestLens = 0.1;  // m
+constexpr double kUsualMemory = 20;   // fits
 
 Covariance9 covariance_of(const PoseFit& fit, double velocity_sd) {
   Covariance9 cov = Covariance9::Zero();
@@ -207,17 +209,22 @@ bool RelativeEstimator::follow(const CameraFrame& frame, FrameReport& out,
     }
     if (leds && accept(*leds, leds->seen.size(), kAnyFit, out, probe)) return true;
   }
+  std::optional<LedFrame> held;
   if (config_.tell_apart) {
-    LedFrame leds;
-    {
-      const ProbeScope scope(probe, Stage::associate);
-      leds = resolver_.hold(frame.color, *blobs, X_NB, cov, 3 * usual_rms_px_,
-                            {blur.data(), blur.size()}, frame.captured);
-    }
+    const ProbeScope scope(probe, Stage::associate);
+    held = resolver_.hold(frame.color, *blobs, X_NB, cov, 3 * usual_rms_px(),
+                          {blur.data(), blur.size()}, frame.captured);
+  }
+  const auto accept_held = [&] {
+    return held && !held->seen.empty() &&
+           accept(*held, held->seen.size(), kAnyFit, out, probe);
+  };
+  // With fewer the tracker may do better.
+  if (held && held->seen.size() >= config_.held_leds) {
+    const bool enough = accept_held();
     // Once fused, there is nothing left to fuse, be it enough for a pose or not.
-    const bool enough =
-        !leds.seen.empty() && accept(leds, leds.seen.size(), kAnyFit, out, probe);
     if (enough || filter_.last_update() == frame.captured) return enough;
+    held.reset();
   }
   LedFrame leds;
   int by_blobs = 0;  // LEDs that the tracker saw; dim ones beside them prove nothing
@@ -230,18 +237,33 @@ bool RelativeEstimator::follow(const CameraFrame& frame, FrameReport& out,
       resolver_.resolve(frame.color, *blobs, detail, {blur.data(), blur.size()}, leds);
     }
   }
+  if (held && held->seen.size() >= leds.seen.size()) {
+    const bool enough = accept_held();
+    if (enough || filter_.last_update() == frame.captured) return enough;
+    held.reset();
+  }
   // Out of sight for a while, the prediction is vague enough for any lamp or two to
   // pass for LEDs.
   if (misses_ >= config_.misses_before_search && by_blobs < config_.leds_after_misses) {
     out.why_not = "too few LEDs to be sure";
     return false;
   }
-  const double rms_max = usual_rms_px_ > 0 ? exact_px() : kAnyFit;
-  return accept(leds, 0, rms_max, out, probe);
+  const double rms_max = usual_misfit_ > 0 ? exact_px() : kAnyFit;
+  if (accept(leds, 0, rms_max, out, probe)) return true;
+  return filter_.last_update() != frame.captured && accept_held();
+}
+
+double RelativeEstimator::lens_distance() const {
+  const Vector3 p_CB = filter_.state().p_NB - camera_.X_NC.translation();
+  return std::max(p_CB.norm(), kNearestLens);
+}
+
+double RelativeEstimator::usual_rms_px() const {
+  return usual_misfit_ / lens_distance();
 }
 
 double RelativeEstimator::exact_px() const {
-  return std::max(config_.search_rms_px, config_.search_rms_factor * usual_rms_px_);
+  return std::max(config_.search_rms_px, config_.search_rms_factor * usual_rms_px());
 }
 
 bool RelativeEstimator::well_known() const {
@@ -283,9 +305,10 @@ bool RelativeEstimator::accept(const LedFrame& leds, std::size_t agreeing,
                 (report->used >= 3 || (config_.tell_apart && well_known()));
   if (!out.tracked) out.why_not = "too few LEDs fit";
   if (out.tracked && report->used >= 5) {
-    usual_rms_px_ += usual_rms_px_ > 0
-                         ? 0.05 * (report->reprojection_px - usual_rms_px_)
-                         : report->reprojection_px;
+    const double misfit = report->reprojection_px * lens_distance();
+    usual_misfit_ +=
+        usual_misfit_ > 0 ? (misfit - usual_misfit_) / kUsualMemory : misfit;
+    usual_misfit_ = std::max(usual_misfit_, misfit_least_);
   }
   return out.tracked;
 }
@@ -390,7 +413,7 @@ void RelativeEstimator::place_by_pixels(const CameraFrame& frame, BlobSpan blobs
 
 bool RelativeEstimator::believable(const FoundLeds& found, Time t) {
   // Lamps that look like the constellation do so less exactly than the LEDs did.
-  if (usual_rms_px_ > 0 && found.fit.rms_px > exact_px()) {
+  if (usual_misfit_ > 0 && found.fit.rms_px > exact_px()) {
     confirmations_ = 0;
     return false;
   }
@@ -459,6 +482,8 @@ Result<RestFit> RelativeEstimator::calibrate_at_rest() {
   const Time t = filter_.time();
   filter_.set_rig(camera_, leds_, config_.rest_led_sd_m);
   rivals_.set_rig(camera_, filter_);
+  // They fit where it stands, whatever is wrong with them elsewhere.
+  misfit_least_ = config_.rest_led_sd_m * camera_.intrinsics.fx;
   RelativeState x;
   x.p_NB = fit->X_NB.translation();
   x.R_NB = fit->X_NB.linear();

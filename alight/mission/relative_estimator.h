@@ -21,6 +21,8 @@ struct RelativeEstimatorConfig {
   double placed_within_deg = 12;  ///< and turn it this much.
   double direct_gate_px = 2.5;    ///< LEDs this near to where they are expected are
                                   ///< followed without looking further.
+  std::size_t held_leds = 4;      ///< So many told one by one among lamps do without
+                                  ///< the tracker.
   RelativeFilterConfig filter;
   RestCalibrationConfig rest;
   bool keep_rivals =
@@ -129,6 +131,8 @@ class RelativeEstimator {
   bool well_known() const;
   /// A fit of LEDs is at least so exact, as far as has been seen.
   double exact_px() const;
+  double usual_rms_px() const;
+  double lens_distance() const;
   /// Whether the camera has stopped: its pictures repeat to the last bit.
   bool frozen(const CameraFrame& frame);
   /// The LEDs where they are expected: a fit with all but one of them in view.
@@ -149,7 +153,9 @@ class RelativeEstimator {
   LedResolver resolver_;
   RelativeFilter filter_;
   RivalPoses rivals_;
-  double usual_rms_px_ = 0;        // of five LEDs and more; 0: not known
+  // Of fits to five LEDs and more, rms times distance, px m: LEDs that are not where
+  // the rig says misfit by more pixels the nearer they are. 0: not known.
+  double usual_misfit_ = 0, misfit_least_ = 0;
   std::uint64_t fingerprint_ = 0;  // of the last picture
   int alike_ = 0;                  // pictures in a row with it
   bool frozen_ = false;            // so many that the camera has stopped
