@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "alight/geometry/so3.h"
 
@@ -42,25 +43,35 @@ PointToPoint::PointToPoint(Time start, const FlatState& from, const Vector3& to_
   const double v_max = std::max(limits.speed_m_s, 1.1 * from.v_NB.norm());
   const double a_max = std::max(limits.acceleration_m_s2, 1.1 * from.a_NB.norm());
   const double yaw_max = std::max(limits.yaw_rate_rad_s, 1.1 * std::abs(from.yaw_rate));
-  const auto within = [&] {
+  // How far beyond its bounds the move goes; 1 is just within.
+  const auto excess = [&] {
     constexpr int samples = 32;
+    double most = 0;
     for (int k = 0; k <= samples; ++k) {
       const FlatState s = evaluate(duration_ * k / samples);
-      if (s.v_NB.norm() > v_max * 1.001 || s.a_NB.norm() > a_max * 1.001 ||
-          std::abs(s.yaw_rate) > yaw_max * 1.001) {
-        return false;
-      }
+      most = std::max({most, s.v_NB.norm() / v_max, s.a_NB.norm() / a_max,
+                       std::abs(s.yaw_rate) / yaw_max});
     }
-    return true;
+    return most;
   };
 
   // Peaks of the move from rest bound the duration from below; then in small ratios up.
   const double d = (to_ - from.p_NB).norm();
   double T = std::max({0.2, 1.5 * d / v_max, std::sqrt(4 * d / a_max)});
+  // A start that gains speed by itself leaves its bounds whatever the duration, and the
+  // further the longer it takes: then the least of them.
+  Seconds best = T;
+  double least = std::numeric_limits<double>::infinity();
   for (int k = 0; k < 80; ++k, T *= 1.06) {
     prepare(T);
-    if (within()) return;
+    const double now = excess();
+    if (now <= 1.001) return;
+    if (now < least) {
+      least = now;
+      best = T;
+    }
   }
+  prepare(best);
 }
 
 FlatState PointToPoint::evaluate(Seconds t) const {

@@ -14,8 +14,9 @@ constexpr Seconds kHeadingSight = 0.1;  // unseen for longer, nothing is learnt
 // a row, a difference so large is no noise.
 constexpr double kHeadingJump = 15 * kDegree;
 constexpr int kHeadingJumpSeen = 3;
-constexpr Seconds kLatestTold = 10;  // a picture still later is no word on the camera
-constexpr Time kFuture = 5'000'000;  // ns; clocks agree no better than this
+constexpr double kLeastUpright = 0.5;  // cosine of the tilt at which thrust still lifts
+constexpr Seconds kLatestTold = 10;    // a picture still later is no word on the camera
+constexpr Time kFuture = 5'000'000;    // ns; clocks agree no better than this
 
 // What no platform or drone that is landed on does: a number beyond is a broken
 // message, and squared somewhere it would no longer be one.
@@ -83,6 +84,8 @@ struct LandingSystem::Parts {
   std::uint32_t refused = 0;
   bool telemetry_heard = false;
   AutopilotTelemetry telemetry;
+  bool alone = false;  // the autopilot flies by itself, set-points are not followed;
+  Vector3 b_N_obeyed = Vector3::Zero();  // what the filter had learnt before that
   bool heading_known = false;
   int heading_off = 0;  // telemetry in a row that contradicts it
   RelativeState x_seen;
@@ -100,6 +103,7 @@ struct LandingSystem::Parts {
   void take(const Event& event, Time now, Output& out, Probe* probe);
   void learn_heading(const AutopilotTelemetry& t);
   void learn_rest(const AutopilotTelemetry& t);
+  void follow_autopilot(const AutopilotTelemetry& t, Time now);
   void external_pose(const FrameReport& frame, Output& out) const;
   Setpoint resting_setpoint(const PlatformState& at, double thrust) const;
   void control(const MissionCommand& command, Time now, const MotionState& state,
@@ -153,6 +157,29 @@ void LandingSystem::Parts::learn_rest(const AutopilotTelemetry& t) {
   rest_known = true;
 }
 
+// While the autopilot flies by itself, the set-points say nothing of what the drone
+// does.
+void LandingSystem::Parts::follow_autopilot(const AutopilotTelemetry& t, Time now) {
+  const bool was = alone;
+  alone = t.armed && !motion.on_ground &&
+          (t.mode == AutopilotMode::failsafe || t.mode == AutopilotMode::land ||
+           t.mode == AutopilotMode::hold);
+  if (alone != was && estimator.initialized()) {
+    Vector3& b_N = b_N_obeyed;
+    if (alone) b_N = estimator.filter().motion_state().b_N;
+    // It holds its height, whatever thrust that takes; the wind is as before.
+    const Vector3 up = -gravity_N(platform.at(now)).normalized();
+    estimator.restart_disturbance(alone ? Vector3(b_N - up * up.dot(b_N)) : b_N);
+  }
+  if (!alone) return;
+  Setpoint as_it_flies;
+  as_it_flies.kind = Setpoint::Kind::attitude;
+  as_it_flies.q_IB = t.q_IB;
+  const double upright = std::max(t.q_IB.toRotationMatrix()(2, 2), kLeastUpright);
+  as_it_flies.thrust = std::min(1 / (config.response.thrust_to_weight * upright), 1.0);
+  response.sent(as_it_flies, now);
+}
+
 void LandingSystem::Parts::take(const Event& event, Time now, Output& out,
                                 Probe* probe) {
   const auto timely = [&](Time captured) {
@@ -188,6 +215,7 @@ void LandingSystem::Parts::take(const Event& event, Time now, Output& out,
       learn_heading(*t);
       learn_rest(*t);
       response.correct(t->captured, t->q_IB.toRotationMatrix(), t->w_IB_B);
+      follow_autopilot(*t, now);
     }
   } else if (const auto* status = std::get_if<LinkStatus>(&event)) {
     good = std::isfinite(status->round_trip_ms) && status->last_answer <= now + kFuture;
@@ -310,7 +338,7 @@ void LandingSystem::Parts::control(const MissionCommand& command, Time now,
       break;
     }
   }
-  response.sent(out.setpoint, now + link.delay());
+  if (!alone) response.sent(out.setpoint, now + link.delay());
 }
 
 void LandingSystem::step(const Input& input, Output& out, Probe* probe) {

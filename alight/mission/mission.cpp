@@ -22,6 +22,11 @@ constexpr Seconds kNotesApart = 0.5;
 constexpr double kStopped = 0.15;
 // How soon what is left of the speed is to be gone, s: longer than the drone's lag.
 constexpr Seconds kStopIn = 0.4;
+// Share of the nominal hover thrust with which a drone that is a tenth lighter than the
+// rig says still comes down, and one that is as much heavier does not fall; and how long
+// it takes from 3 cm and 0.3 m/s upwards, s.
+constexpr double kComingDown = 0.75;
+constexpr Seconds kComingDownFor = 0.45;
 // Unseen for so long, s, the drone may be elsewhere than predicted.
 constexpr Seconds kStillKnown = 1;
 // How long a refused drone that is armed all the same is told to disarm, s.
@@ -38,6 +43,24 @@ constexpr double kFootSpread = 0.7;  // of the feet from the middle, of the arm
 constexpr Seconds kControlAhead = 0.25;
 // Error of speed counts for as long as the rest of a landing takes from the commit on.
 constexpr Seconds kMissAhead = 0.25;
+
+// m from the reference: something has thrown it off its way, and what is asked for from
+// there on must be flyable from where it is. It brakes within the other.
+constexpr double kStrayed = 0.6;
+constexpr double kBrakeWithin = 0.15;
+constexpr double kHardestBrake = 4;  // m/s^2
+// Of the drone's own speed limit: nearer to it, a platform leaves no room for a
+// landing.
+constexpr double kLeastRoom = 0.85;
+// A platform that is faster than the limit for so long, s, stays so.
+constexpr Seconds kTooFastFor = 0.5;
+// So often nothing but failed plans at the rendezvous: more will not help.
+constexpr int kPlanlessMax = 3;
+
+constexpr const char* kTooFast =
+    "the platform is too fast for the drone's speed limit: no landing";
+constexpr const char* kNoOdometry = "no platform odometry comes";
+constexpr const char* kOffItsWay = "far off its way: it goes on from where it is";
 
 // Why only the autopilot acts.
 constexpr const char* kUnheard =
@@ -73,6 +96,8 @@ Mission::Mission(const MissionConfig& config, const Rig& rig)
       arm_(rig.drone.arm_m),
       pad_half_(0.5 * rig.pad.size_m),
       from_lens_(level_from_lens(rig)),
+      speed_max_(rig.limits.speed_m_s),
+      unseen_lifting_(1e-3 * rig.timing.frame_to_use_ms + 2.5 / rig.timing.rate_hz),
       tilt_max_(rig.drone.tilt_max_deg * kDegree) {}
 
 bool Mission::flying() const {
@@ -110,6 +135,7 @@ void Mission::go(MissionState to, const char* reason, const MissionInput& in,
   low_ = false;
   committed_ = committed_ && to == MissionState::land;
   left_ = false;
+  awaits_odometry_ = false;
   told_ = in.now;
   switch (to) {
     case MissionState::follow:
@@ -141,16 +167,19 @@ void Mission::note(const char* reason, const MissionInput& in, Output& out) {
 void Mission::move_to(const Vector3& p_NB, double speed, const MissionInput& in) {
   // From the reference where it is being followed, so that nothing jumps; from the
   // drone itself where it is not.
+  MoveLimits limits;
+  limits.speed_m_s = speed;
+  limits.acceleration_m_s2 = config_.move_acceleration_m_s2;
   FlatState from = maneuver_.at(in.now);
   if ((from.p_NB - in.x.p_NB).norm() > config_.go_around_error_m) {
     from = FlatState{};
     from.p_NB = in.x.p_NB;
     from.v_NB = in.x.v_NB;
     from.yaw = yaw_of(in.x.R_NB);
+    const double brake =
+        std::min(in.x.v_NB.squaredNorm() / (2 * kBrakeWithin), kHardestBrake);
+    limits.acceleration_m_s2 = std::max(limits.acceleration_m_s2, brake);
   }
-  MoveLimits limits;
-  limits.speed_m_s = speed;
-  limits.acceleration_m_s2 = config_.move_acceleration_m_s2;
   maneuver_ = Maneuver::move(PointToPoint(in.now, from, p_NB, 0, limits));
 }
 
@@ -169,6 +198,25 @@ bool Mission::settled(const MissionInput& in) {
   }
   const Seconds more = battery_low_ ? 0 : config_.settle_more_s * status_.attempts;
   return to_seconds(in.now - settled_since_) >= config_.settle_s + more;
+}
+
+bool Mission::strayed(const MissionInput& in) const {
+  return in_sight(in) && (in.x.p_NB - maneuver_.at(in.now).p_NB).norm() > kStrayed;
+}
+
+bool Mission::too_fast(const MissionInput& in) {
+  if (!(in.platform_ready && horizontal(in.platform.v_IN_N) > speed_max_)) {
+    fast_ = false;
+  } else if (!fast_) {
+    fast_ = true;
+    fast_since_ = in.now;
+  }
+  return fast_ && to_seconds(in.now - fast_since_) > kTooFastFor;
+}
+
+void Mission::give_up(const char* reason, const MissionInput& in, Output& out) {
+  const bool leaves = config_.safety.when_failed == WhenFailed::leave || battery_low_;
+  go(leaves ? MissionState::aborted : MissionState::hold, reason, in, out);
 }
 
 bool Mission::pilot_flies(const MissionInput& in) const {
@@ -345,7 +393,14 @@ MissionCommand Mission::step(const MissionInput& in, Output& out) {
   const bool on_its_way = status_.state == MissionState::idle ||
                           status_.state == MissionState::armed ||
                           status_.state == MissionState::taken_off;
-  c.platform_speed_wish = config_.start_on_floor && on_its_way ? 0 : 1;
+  // Where the autopilot brings it down by itself, the platform is not to drive into it:
+  // not stop beneath it, and not come round again.
+  const bool left_alone = status_.state == MissionState::lost_link ||
+                          (status_.state == MissionState::aborted && left_);
+  if (flying() && !left_alone) waits_for_it_ = false;
+  if (airborne_ && left_alone && outline_.clear(in.x.p_NB)) waits_for_it_ = true;
+  c.platform_speed_wish =
+      (config_.start_on_floor && on_its_way) || waits_for_it_ ? 0 : 1;
   c.on_ground = !airborne_;
   out.mission = status_;
   return c;
@@ -390,6 +445,8 @@ void Mission::idle(const MissionInput& in, Command& c, Output& out) {
   }
   if (missing == nullptr && in.battery < config_.safety.battery_low) {
     go(MissionState::refused, "the battery is too low to start", in, out);
+  } else if (missing == nullptr && horizontal(in.platform.v_IN_N) > speed_max_) {
+    go(MissionState::refused, kTooFast, in, out);
   } else if (missing == nullptr) {
     go(MissionState::armed, "all is ready: arming", in, out);
   } else if (in_state(in) > config_.ready_timeout_s) {
@@ -414,6 +471,7 @@ void Mission::armed(const MissionInput& in, Command& c, Output& out) {
     go(MissionState::idle, "the operator holds", in, out);
   } else if (in.armed && in.link->healthy(in.now)) {
     ++starts_;
+    coming_down_ = false;
     go(MissionState::taken_off, "armed: taking off", in, out);
   } else if (in_state(in) > config_.arm_timeout_s) {
     c.order = AutopilotOrder::disarm;
@@ -433,6 +491,10 @@ void Mission::taken_off(const MissionInput& in, Command& c, Output& out) {
     c.mode = Command::Mode::track;
     if (!fresh && unseen(in) > config_.sight_lost_s) {
       go(MissionState::lost_target, words_for(in.blindness).lost, in, out);
+      return;
+    }
+    if (strayed(in)) {
+      go(MissionState::follow, kOffItsWay, in, out);
       return;
     }
     const bool there = (in.x.p_NB - maneuver_.at(in.now).p_NB).norm() < 0.12;
@@ -460,8 +522,15 @@ void Mission::taken_off(const MissionInput& in, Command& c, Output& out) {
   c.ramp_share = std::min(config_.ramp_from + rate * in_state(in), most);
   const Seconds limit =
       config_.start_on_floor ? config_.blind_max_s : config_.ramp_timeout_s;
-  // Unseen, it would climb and climb; so early it stands, or falls by a centimetre.
-  const bool blind = !config_.start_on_floor && unseen(in) > kFreshSight;
+  // Unseen, it would climb and climb. It may be off the ground by a few centimetres:
+  // with less thrust than carries it, it comes down softly.
+  if (!config_.start_on_floor && !coming_down_ && unseen(in) > unseen_lifting_) {
+    coming_down_ = true;
+    coming_down_since_ = in.now;
+  }
+  if (coming_down_) c.ramp_share = std::min(c.ramp_share, kComingDown);
+  const bool blind =
+      coming_down_ && to_seconds(in.now - coming_down_since_) > kComingDownFor;
   if (abort_wanted_ || blind || in.link->lost(in.now) || !in.armed ||
       in_state(in) > limit) {
     // From the floor it may fly unseen: only the autopilot can bring it down.
@@ -494,7 +563,8 @@ void Mission::taken_off(const MissionInput& in, Command& c, Output& out) {
   // it stays there.
   const bool slipped =
       horizontal(way) > config_.slip_m || tipped > config_.slip_tilt_deg * kDegree;
-  const bool lifted = fresh && (config_.start_on_floor || rose || slipped);
+  const bool lifted =
+      fresh && !coming_down_ && (config_.start_on_floor || rose || slipped);
   if (!lifted) return;
   airborne_ = true;
   c.lifted = true;
@@ -527,16 +597,32 @@ void Mission::follow(const MissionInput& in, Output& out) {
     go(MissionState::lost_target, words_for(in.blindness).lost, in, out);
     return;
   }
+  if (strayed(in)) {
+    move_to(config_.follow_point, config_.move_speed_m_s, in);
+    note(kOffItsWay, in, out);
+  }
   const bool there = settled(in);
   if (status_.state == MissionState::hold && !battery_low_) {
-    if (in.wish == OperatorWish::go) {
+    if (awaits_odometry_ && in.platform_ready && !hold_wanted_) {
+      go(MissionState::follow, "the platform odometry is back", in, out);
+    } else if (in.wish == OperatorWish::go) {
       status_.attempts = 0;
       go(MissionState::follow, "the operator goes on", in, out);
     }
     return;
   }
+  if (too_fast(in)) {
+    give_up(kTooFast, in, out);
+    return;
+  }
+  const bool unsettled = !there && in_state(in) > config_.unsettled_max_s;
+  if ((there || unsettled) && !in.platform_ready && !battery_low_) {
+    go(MissionState::hold, kNoOdometry, in, out);
+    awaits_odometry_ = true;
+    return;
+  }
   if (!there) {
-    if (in_state(in) > config_.unsettled_max_s) {
+    if (unsettled) {
       go(MissionState::hold, "it does not come to rest at the follow point", in, out);
     }
     return;
@@ -580,6 +666,7 @@ void Mission::rendezvous(const MissionInput& in, Output& out) {
       plan_trouble_ = "the plan came too late";
     } else {
       ++status_.attempts;
+      planless_ = 0;
       go(MissionState::land, "the landing is planned", in, out);
       maneuver_ = Maneuver::landing(plan.trajectory, plan.start, config_.sink_m);
       committed_ = false;
@@ -587,6 +674,18 @@ void Mission::rendezvous(const MissionInput& in, Output& out) {
       settling_down_ = false;
       return;
     }
+  }
+  if (too_fast(in)) {
+    give_up(kTooFast, in, out);
+    return;
+  }
+  if (strayed(in)) {
+    go(MissionState::follow, kOffItsWay, in, out);
+    return;
+  }
+  if (!in.platform_ready && !battery_low_ && !plan_pending_) {
+    go(MissionState::follow, kNoOdometry, in, out);
+    return;
   }
   if (!settled(in)) {
     if (in_state(in) > config_.unsettled_max_s) {
@@ -598,8 +697,16 @@ void Mission::rendezvous(const MissionInput& in, Output& out) {
   if (plan_tries_ > 0 && !waited) return;
   if (plan_tries_ >= config_.plan_tries) {
     ++status_.attempts;
-    go(MissionState::follow,
-       plan_pending_ ? "the planner does not answer" : plan_trouble_, in, out);
+    const bool fast = horizontal(in.platform.v_IN_N) > kLeastRoom * speed_max_;
+    const char* trouble = plan_pending_ ? "the planner does not answer"
+                          : fast        ? kTooFast
+                                        : plan_trouble_;
+    if (++planless_ >= kPlanlessMax || (fast && !plan_pending_)) {
+      planless_ = 0;
+      give_up(trouble, in, out);
+    } else {
+      go(MissionState::follow, trouble, in, out);
+    }
     return;
   }
   request_plan(in, out);
@@ -709,12 +816,15 @@ void Mission::land(const MissionInput& in, Command& c, Output& out) {
     } else if (error.norm() > config_.go_around_error_m) {
       go(MissionState::go_around,
          in.computer_was_late ? words_for(Blindness::computer).lost
+         : !in.platform_ready ? kNoOdometry
                               : "too far from the trajectory",
          in, out);
     } else if (in.x.p_NB.z() < commit_height && ref.p_NB.z() < commit_height &&
                horizontal(ref.p_NB) < 0.5 * config_.go_around_error_m) {
       if (miss > config_.commit_error_m) {
-        go(MissionState::go_around, "not over the pad at the commit height", in, out);
+        go(MissionState::go_around,
+           in.platform_ready ? "not over the pad at the commit height" : kNoOdometry,
+           in, out);
       } else {
         committed_ = true;
         maneuver_.aim_pace(in.now, 1);
@@ -849,6 +959,10 @@ void Mission::aborted(const MissionInput& in, Command& c, Output& out) {
     seen_by_pilot_ = in_sight(in);
     go(MissionState::pilot, "the pilot has taken over", in, out);
     return;
+  }
+  // Why it was aborted stays told.
+  if (!left_ && strayed(in)) {
+    move_to(config_.safety.leave_at_m, config_.move_speed_m_s, in);
   }
   left_ = left_ || may_be_left(in);
   if (!left_) {

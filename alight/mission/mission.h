@@ -80,6 +80,12 @@ class Mission {
   /// Something to be told that changes no state: an event all the same.
   void note(const char* reason, const MissionInput& in, Output& out);
   bool settled(const MissionInput& in);
+  /// Seen far from where it should be.
+  bool strayed(const MissionInput& in) const;
+  /// The platform is faster than the drone may fly, and stays so.
+  bool too_fast(const MissionInput& in);
+  /// No landing comes about: as the user wants it.
+  void give_up(const char* reason, const MissionInput& in, Output& out);
   bool overruled(const MissionInput& in, Output& out);
   bool pilot_flies(const MissionInput& in) const;
   bool watch_battery(const MissionInput& in, Output& out);
@@ -112,6 +118,8 @@ class Mission {
   double arm_;
   double pad_half_;
   Vector3 from_lens_;
+  double speed_max_;        // the drone's, m/s
+  Seconds unseen_lifting_;  // at take-off: two pictures are missing
   double tilt_max_;
   MissionStatus status_;
   Maneuver maneuver_;
@@ -133,7 +141,10 @@ class Mission {
   int landings_before_low_ = 0;  // begun when the battery became low
   bool disarms_ = false;         // on the ground: an armed drone is told to disarm
   int starts_ = 0;               // take-offs begun
+  bool coming_down_ = false;     // sight was lost before the drone was known to fly
+  Time coming_down_since_ = 0;
   bool left_ = false;            // aborted: the autopilot has been told to land
+  bool waits_for_it_ = false;    // the platform, for a drone that lands by itself
   Time settled_since_ = 0;
   bool settling_ = false;
   Time last_order_ = 0;
@@ -143,6 +154,10 @@ class Mission {
   Time plan_asked_ = 0;
   int plan_tries_ = 0;
   const char* plan_trouble_ = "";
+  int planless_ = 0;  // times in a row that no plan came about at the rendezvous
+  bool fast_ = false;
+  Time fast_since_ = 0;
+  bool awaits_odometry_ = false;  // hold: ends when there is odometry again
   bool committed_ = false;
   bool flared_ = false;
   bool abort_told_ = false;

@@ -2,7 +2,6 @@
 
 #include <bit>
 #include <cmath>
-#include <cstring>
 
 namespace alight {
 namespace {
@@ -10,6 +9,9 @@ namespace {
 constexpr double kAnyFit = 1e9;       // px
 constexpr double kNearestLens = 0.1;  // m
 constexpr double kUsualMemory = 20;   // fits
+// Unseen for so long, be it that no picture came, the drone may not be where the
+// prediction has it.
+constexpr Seconds kLongUnseen = 0.15;
 
 Covariance9 covariance_of(const PoseFit& fit, double velocity_sd) {
   Covariance9 cov = Covariance9::Zero();
@@ -138,14 +140,17 @@ bool RelativeEstimator::fuse(const CameraFrame& frame, const MotionSource& motio
   }
   last_frame_ = frame.captured;
 
-  frozen_ = frozen(frame);
+  frozen_ = config_.frozen_pictures > 0 &&
+            repeat_.look(frame.color) >= config_.frozen_pictures && !expecting_ &&
+            !on_floor_;
   if (frozen_) {
     ++misses_;
     out.why_not = "the camera repeats its picture";
   } else if (filter_.initialized()) {
     if (follow(frame, out, probe)) {
       misses_ = confirmations_ = 0;
-    } else if (++misses_ >= config_.misses_before_search) {
+    } else if (++misses_ >= config_.misses_before_search ||
+               to_seconds(frame.captured - last_sight_) > kLongUnseen) {
       search(frame, motion, out, probe);
     }
   } else {
@@ -153,30 +158,14 @@ bool RelativeEstimator::fuse(const CameraFrame& frame, const MotionSource& motio
   }
   if (out.tracked) last_sight_ = frame.captured;
   if (filter_.initialized()) report_state(out);
-  return true;
-}
-
-bool RelativeEstimator::frozen(const CameraFrame& frame) {
-  if (config_.frozen_pictures == 0) return false;
-  // Noise makes every row another; every sixteenth will do (FNV-1a over whole words,
-  // four at a time, for each waits for the one before it).
-  std::array<std::uint64_t, 4> lanes;
-  lanes.fill(1469598103934665603u);
-  const auto bytes = static_cast<std::size_t>(frame.color.width * frame.color.channels);
-  for (int v = 0; v < frame.color.height; v += 16) {
-    for (std::size_t at = 0; at + 32 <= bytes; at += 32) {
-      std::array<std::uint64_t, 4> words;
-      std::memcpy(words.data(), frame.color.row(v) + at, 32);
-      for (std::size_t k = 0; k < 4; ++k) {
-        lanes[k] = (lanes[k] ^ words[k]) * 1099511628211u;
-      }
+  if (config_.frozen_pictures > 0) {
+    FixedVector<Vector2, kMaxLeds> leds_px;
+    if (out.tracked) {
+      for (const LedUse& use : out.leds) leds_px.push_back(use.observation.uv);
     }
+    repeat_.found(frame.color, {leds_px.data(), leds_px.size()});
   }
-  std::uint64_t hash = 0;
-  for (const std::uint64_t lane : lanes) hash = (hash ^ lane) * 1099511628211u;
-  alike_ = hash == fingerprint_ ? alike_ + 1 : 1;
-  fingerprint_ = hash;
-  return !expecting_ && !on_floor_ && alike_ >= config_.frozen_pictures;
+  return true;
 }
 
 bool RelativeEstimator::follow(const CameraFrame& frame, FrameReport& out,
@@ -200,7 +189,12 @@ bool RelativeEstimator::follow(const CameraFrame& frame, FrameReport& out,
   out.blobs = static_cast<int>(blobs->size());
   FixedVector<Vector2, kMaxLeds> blur;
   if (config_.tell_apart) blur = image_motion(X_NB);
-  if (config_.tell_apart && misses_ == 0) {
+  // Out of sight for a while, the prediction is vague enough for any lamp or two to
+  // pass for LEDs.
+  const bool missed = misses_ >= config_.misses_before_search ||
+                      to_seconds(frame.captured - last_sight_) > kLongUnseen;
+  const auto needed = static_cast<std::size_t>(missed ? config_.leds_after_misses : 0);
+  if (config_.tell_apart && misses_ == 0 && !missed) {
     std::optional<LedFrame> leds;
     {
       const ProbeScope scope(probe, Stage::associate);
@@ -214,6 +208,7 @@ bool RelativeEstimator::follow(const CameraFrame& frame, FrameReport& out,
     const ProbeScope scope(probe, Stage::associate);
     held = resolver_.hold(frame.color, *blobs, X_NB, cov, 3 * usual_rms_px(),
                           {blur.data(), blur.size()}, frame.captured);
+    if (held->seen.size() < needed) held.reset();
   }
   const auto accept_held = [&] {
     return held && !held->seen.empty() &&
@@ -225,6 +220,11 @@ bool RelativeEstimator::follow(const CameraFrame& frame, FrameReport& out,
     // Once fused, there is nothing left to fuse, be it enough for a pose or not.
     if (enough || filter_.last_update() == frame.captured) return enough;
     held.reset();
+  }
+  // Among many lights some lie as LEDs would by chance.
+  if (missed && out.blobs > config_.lights_after_misses * leds_.size()) {
+    out.why_not = "too many lights to be sure";
+    return false;
   }
   LedFrame leds;
   int by_blobs = 0;  // LEDs that the tracker saw; dim ones beside them prove nothing
@@ -242,14 +242,13 @@ bool RelativeEstimator::follow(const CameraFrame& frame, FrameReport& out,
     if (enough || filter_.last_update() == frame.captured) return enough;
     held.reset();
   }
-  // Out of sight for a while, the prediction is vague enough for any lamp or two to
-  // pass for LEDs.
-  if (misses_ >= config_.misses_before_search && by_blobs < config_.leds_after_misses) {
+  const double rms_max = usual_misfit_ > 0 ? exact_px() : kAnyFit;
+  if (missed && (by_blobs < config_.leds_after_misses ||
+                 !accept(leds, needed, rms_max, out, probe))) {
     out.why_not = "too few LEDs to be sure";
     return false;
   }
-  const double rms_max = usual_misfit_ > 0 ? exact_px() : kAnyFit;
-  if (accept(leds, 0, rms_max, out, probe)) return true;
+  if (missed || accept(leds, 0, rms_max, out, probe)) return true;
   return filter_.last_update() != frame.captured && accept_held();
 }
 

@@ -8,6 +8,7 @@
 #include "alight/vision/led_finder.h"
 #include "alight/vision/led_resolver.h"
 #include "alight/vision/led_tracker.h"
+#include "alight/vision/picture_repeat.h"
 
 namespace alight {
 
@@ -40,7 +41,8 @@ struct RelativeEstimatorConfig {
   double known_sd_deg = 7;
   int misses_before_search = 3;    ///< Frames without a match before the whole picture
                                    ///< is searched,
-  int leds_after_misses = 4;       ///< and LEDs needed to be taken up again from then.
+  int leds_after_misses = 4;       ///< and LEDs needed to be taken up again from then,
+  int lights_after_misses = 2;     ///< among so many lights for each LED at most.
   double forget_after_s = 2;       ///< Prediction alone is believed this long.
   double reprojection_max_px = 4;  ///< A worse fit counts as a miss.
   double search_gate_m = 0.5;      ///< A search's answer this near to the prediction
@@ -133,8 +135,6 @@ class RelativeEstimator {
   double exact_px() const;
   double usual_rms_px() const;
   double lens_distance() const;
-  /// Whether the camera has stopped: its pictures repeat to the last bit.
-  bool frozen(const CameraFrame& frame);
   /// The LEDs where they are expected: a fit with all but one of them in view.
   Result<FoundLeds> find_expected(BlobSpan blobs, Time t) const;
   /// Way of each LED's image during the exposure, px.
@@ -156,9 +156,8 @@ class RelativeEstimator {
   // Of fits to five LEDs and more, rms times distance, px m: LEDs that are not where
   // the rig says misfit by more pixels the nearer they are. 0: not known.
   double usual_misfit_ = 0, misfit_least_ = 0;
-  std::uint64_t fingerprint_ = 0;  // of the last picture
-  int alike_ = 0;                  // pictures in a row with it
-  bool frozen_ = false;            // so many that the camera has stopped
+  PictureRepeat repeat_;
+  bool frozen_ = false;  // the last picture repeated those before
   Time last_frame_ = INT64_MIN;
   Time last_sight_ = 0;
   int misses_ = 0;

@@ -21,6 +21,8 @@ constexpr double kHardContact = 0.8;  // m/s, CONTRACT
 constexpr double kTrackedM = 0.15;    // CONTRACT: tracked
 constexpr double kTrackedRad = 15 * kDegree;
 constexpr Seconds kRestAfterStop = 1.0;
+// From when the autopilot is told to follow again to when that shows.
+constexpr Seconds kHelpless = 0.5;
 constexpr std::size_t kCameraBuffers = 8;  // pictures that wait; then the oldest goes
 
 /// A picture taken, on its way to the brain.
@@ -49,6 +51,8 @@ struct Squares {
 /// Gathers the figures of result.json.
 class Tally {
  public:
+  explicit Tally(const Rig& rig) : outline_(rig) {}
+
   void frame(const FrameReport& report, const TruthState& truth) {
     if (report.tracked) begun_ = true;
     if (!begun_) return;
@@ -88,13 +92,24 @@ class Tally {
 
   void lost_link(const TruthState& truth, const ContactReport& contact) {
     const bool alone = truth.mode == AutopilotMode::failsafe && contact.flown &&
-                       contact.feet_on_pad + contact.feet_on_floor == 0;
-    if (alone && !alone_) alone_from_ = truth.X_IB.translation().head<2>();
+                       !contact.touched_down && !contact.landed_elsewhere;
+    if (alone && !alone_) {
+      alone_from_ = truth.X_IB.translation().head<2>();
+      over_platform_ = !outline_.clear(truth.X_NB.translation());
+    }
     alone_ = alone;
+    if (alone) alone_until_ = truth.t;
+    if (!met_ && (contact.touched_down || contact.struck)) {
+      met_ = true;
+      if (lost_link_) {
+        lost_link_->helpless =
+            over_platform_ && to_seconds(truth.t - alone_until_) < kHelpless;
+      }
+    }
     if (!alone) return;
     const double way = (truth.X_IB.translation().head<2>() - alone_from_).norm();
     const double sink = -truth.v_IB.z();
-    if (!lost_link_) lost_link_ = {0, 0};
+    if (!lost_link_) lost_link_ = {0, 0, false};
     lost_link_->drift_m = std::max(lost_link_->drift_m, way);
     lost_link_->sink_m_s = std::max(lost_link_->sink_m_s, sink);
   }
@@ -114,7 +129,9 @@ class Tally {
   }
 
  private:
-  bool alone_ = false;
+  PlatformOutline outline_;
+  bool alone_ = false, over_platform_ = false, met_ = false;
+  Time alone_until_ = 0;
   Vector2 alone_from_ = Vector2::Zero();
   std::optional<LandingResult::LostLink> lost_link_;
   bool begun_ = false;
@@ -198,6 +215,7 @@ class Loop {
         depth_offset_(depth_offset),
         brain_(std::move(brain)),
         planner_(std::move(planner)),
+        tally_(options.rig),
         camera_faults_(options.scenario.faults, Rng(options.seed).fork("picture")) {
     events_.reserve(256);
   }
@@ -414,7 +432,7 @@ void Loop::judge(LandingResult& result) const {
       result.outcome = Outcome::landed;
     } else if (contact.landed_elsewhere) {
       result.outcome = Outcome::landed_elsewhere;
-      result.reason = "came to rest off the pad";
+      result.reason = std::string("came to rest off the pad: ") + mission.reason;
     } else {
       result.outcome = Outcome::crashed;
       result.reason = "came to rest not on its feet inside the pad";

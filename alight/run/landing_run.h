@@ -58,6 +58,9 @@ struct LandingResult {
   /// the ground from where that began, and how fast it sank.
   struct LostLink {
     double drift_m, sink_m_s;
+    /// It began over the platform, and the drone met that before the brain could do
+    /// anything about it: no abort was possible.
+    bool helpless = false;
   };
   std::optional<LostLink> lost_link;
   double tracking_rmse_m = 0;

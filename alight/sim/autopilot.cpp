@@ -7,7 +7,9 @@ namespace alight {
 namespace {
 
 constexpr double kGyroNoise = 0.01;  // rad/s
-constexpr double kHoverTau = 3;      // s, of the hover thrust estimate
+constexpr double kHoverTau = 3;      // s, of the hover thrust estimate,
+constexpr double kHoverFirst =
+    0.3;  // which learns as a mean does when it has just begun
 constexpr double kTouchThrust =
     0.6;  // of hover: so little is needed only on the ground
 constexpr double kTouchSpeed = 0.15;  // m/s
@@ -100,6 +102,8 @@ void Autopilot::choose_mode(Time now) {
       next == AutopilotMode::failsafe) {
     alone_yaw_ = yaw_of(belief_.R_IF());
     still_for_ = 0;
+    land_v_ = belief_.v_I().z();
+    land_a_ = 0;
     on_ground_ = thrust_felt_ < kTouchThrust * hover_share_;
   }
   integral_.setZero();
@@ -119,7 +123,9 @@ RotorShares Autopilot::step(const Sensed& sensed, Time now, Seconds dt) {
   thrust_felt_ += (1 - std::exp(-dt / motor_tau_)) * (thrust_ - thrust_felt_);
   if (thrust_felt_ > kTouchThrust * hover_share_ && sensed.f_F.z() > 0.5 * kGravity) {
     const double hover = thrust_felt_ * kGravity / sensed.f_F.z();
-    hover_share_ += dt / kHoverTau * (std::clamp(hover, 0.1, 0.9) - hover_share_);
+    flown_ += dt;
+    const double tau = std::min(kHoverTau, kHoverFirst + flown_);
+    hover_share_ += dt / tau * (std::clamp(hover, 0.1, 0.9) - hover_share_);
   }
 
   switch (mode_) {
@@ -208,8 +214,15 @@ RotorShares Autopilot::follow_velocity(const Vector3& v_I, const Vector3& a_I,
 }
 
 RotorShares Autopilot::land(double speed, bool disarms, Time now, Seconds dt) {
+  const double left = -speed - land_v_;
+  const double jerk = config_.land_jerk_m_s3;
+  const double wanted = std::copysign(
+      std::min(std::sqrt(2 * jerk * std::abs(left)), config_.land_acceleration_m_s2),
+      left);
+  land_a_ += std::clamp(wanted - land_a_, -jerk * dt, jerk * dt);
+  land_v_ += land_a_ * dt;
   const RotorShares shares =
-      follow_velocity(Vector3(0, 0, -speed), Vector3::Zero(), alone_yaw_,
+      follow_velocity(Vector3(0, 0, land_v_), Vector3(0, 0, land_a_), alone_yaw_,
                       !belief_.velocity_valid(now), dt);
   if (!disarms) return shares;
   const bool at_rest = thrust_ < kTouchThrust * hover_share_ &&

@@ -26,8 +26,10 @@ struct AutopilotConfig {
   double tilt_max_deg = 35;     ///< In velocity and landing modes.
   double land_speed_m_s = 0.6;  ///< MPC_LAND_SPEED, 0.7 unless set (docs/faults.md)
   double descend_speed_m_s = 0.5;
-  double land_disarm_s = 2;  ///< From touch to motors off.
-  double idle = 0.05;        ///< Motor share on the ground, armed.
+  double land_jerk_m_s3 = 4;          ///< MPC_JERK_AUTO: the sink speed it asks for
+  double land_acceleration_m_s2 = 3;  ///< changes smoothly; MPC_ACC_DOWN_MAX.
+  double land_disarm_s = 2;           ///< From touch to motors off.
+  double idle = 0.05;                 ///< Motor share on the ground, armed.
 };
 
 /// A flight controller in the manner of PX4 1.16, as seen through its set-points and
@@ -87,6 +89,7 @@ class Autopilot {
   AutopilotBelief belief_;
   Rng rng_;
   double hover_share_;
+  Seconds flown_ = 0;
 
   bool armed_ = false;
   Time arming_until_ = 0;
@@ -108,6 +111,8 @@ class Autopilot {
   double thrust_felt_ = 0;              ///< The same behind the motors' lag.
   double motor_tau_;
   double alone_yaw_ = 0;  ///< Kept while no set-points are followed.
+  double land_v_ = 0;     ///< Climb speed asked for while it lands, m/s,
+  double land_a_ = 0;     ///< and its rate of change.
   Seconds still_for_ = 0;
   Sensed sensed_;
 };

@@ -1,0 +1,70 @@
+#include "alight/vision/picture_repeat.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+
+namespace alight {
+namespace {
+
+constexpr int kRows = 16;       // every so many are compared,
+constexpr int kRowsUnseen = 4;  // and so many where no LED is known: one is higher
+constexpr double kAroundPx = 8;
+
+// FNV-1a over whole words, four at a time, for each waits for the one before it. What
+// is left of a row, up to 31 bytes, is not looked at.
+std::uint64_t fingerprint(const ImageView& picture, const Roi& roi, int step) {
+  std::array<std::uint64_t, 4> lanes;
+  lanes.fill(1469598103934665603u);
+  const auto begin = static_cast<std::size_t>(roi.u0 * picture.channels);
+  const auto end = static_cast<std::size_t>(roi.u1 * picture.channels);
+  for (int v = roi.v0; v < roi.v1; v += step) {
+    for (std::size_t at = begin; at + 32 <= end; at += 32) {
+      std::array<std::uint64_t, 4> words;
+      std::memcpy(words.data(), picture.row(v) + at, 32);
+      for (std::size_t k = 0; k < 4; ++k) {
+        lanes[k] = (lanes[k] ^ words[k]) * 1099511628211u;
+      }
+    }
+  }
+  std::uint64_t hash = 0;
+  for (const std::uint64_t lane : lanes) hash = (hash ^ lane) * 1099511628211u;
+  return hash;
+}
+
+}  // namespace
+
+int PictureRepeat::look(const ImageView& picture) {
+  const std::uint64_t rows =
+      fingerprint(picture, {0, 0, picture.width, picture.height}, kRows);
+  const bool same =
+      alike_ > 0 && rows == rows_ && fingerprint(picture, place_, step_) == there_;
+  alike_ = same ? alike_ + 1 : 1;
+  rows_ = rows;
+  return alike_;
+}
+
+void PictureRepeat::found(const ImageView& picture, std::span<const Vector2> leds_px) {
+  if (alike_ > 1) return;  // as before
+  place_ = {0, 0, picture.width, picture.height};
+  step_ = kRowsUnseen;
+  if (!leds_px.empty()) {
+    Vector2 low = leds_px.front(), high = leds_px.front();
+    for (const Vector2& uv : leds_px) {
+      low = low.cwiseMin(uv);
+      high = high.cwiseMax(uv);
+    }
+    const auto inside = [](double px, int size) {
+      return static_cast<int>(std::clamp(px, 0.0, static_cast<double>(size)));
+    };
+    place_ = {inside(low.x() - kAroundPx, picture.width),
+              inside(low.y() - kAroundPx, picture.height),
+              inside(high.x() + kAroundPx + 1, picture.width),
+              inside(high.y() + kAroundPx + 1, picture.height)};
+    step_ = 1;
+  }
+  there_ = fingerprint(picture, place_, step_);
+}
+
+}  // namespace alight
