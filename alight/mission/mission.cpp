@@ -23,8 +23,8 @@ constexpr double kStopped = 0.15;
 // How soon what is left of the speed is to be gone, s: longer than the drone's lag.
 constexpr Seconds kStopIn = 0.4;
 // Share of the nominal hover thrust with which a drone that is a tenth lighter than the
-// rig says still comes down, and one that is as much heavier does not fall; and how long
-// it takes from 3 cm and 0.3 m/s upwards, s.
+// rig says still comes down, and one that is as much heavier does not fall; and how
+// long it takes from 3 cm and 0.3 m/s upwards, s.
 constexpr double kComingDown = 0.75;
 constexpr Seconds kComingDownFor = 0.45;
 // Unseen for so long, s, the drone may be elsewhere than predicted.
@@ -38,7 +38,7 @@ constexpr Seconds kShutDownUnheard = 3;
 constexpr double kBounce = 0.03;
 constexpr double kSlide = 0.03;
 constexpr double kStandNoise = 0.001;  // m; a rise that standing drones show
-constexpr double kFootSpread = 0.7;  // of the feet from the middle, of the arm
+constexpr double kFootSpread = 0.7;    // of the feet from the middle, of the arm
 // At least so far ahead of now control looks at the reference.
 constexpr Seconds kControlAhead = 0.25;
 // Error of speed counts for as long as the rest of a landing takes from the commit on.

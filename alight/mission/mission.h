@@ -143,8 +143,8 @@ class Mission {
   int starts_ = 0;               // take-offs begun
   bool coming_down_ = false;     // sight was lost before the drone was known to fly
   Time coming_down_since_ = 0;
-  bool left_ = false;            // aborted: the autopilot has been told to land
-  bool waits_for_it_ = false;    // the platform, for a drone that lands by itself
+  bool left_ = false;          // aborted: the autopilot has been told to land
+  bool waits_for_it_ = false;  // the platform, for a drone that lands by itself
   Time settled_since_ = 0;
   bool settling_ = false;
   Time last_order_ = 0;

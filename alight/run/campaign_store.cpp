@@ -154,7 +154,8 @@ Result<LandingResult> result_from_json(const std::string& text) {
     if (j.contains("lost_link") && !j.at("lost_link").is_null()) {
       const Json& lost = j.at("lost_link");
       r.lost_link =
-          LandingResult::LostLink{number(lost, "drift_m"), number(lost, "sink_m_s")};
+          LandingResult::LostLink{number(lost, "drift_m"), number(lost, "sink_m_s"),
+                                  lost.value("helpless", false)};
     }
     r.tracking_rmse_m = number(j, "tracking_rmse_m");
     r.follow_rmse_m = number(j, "follow_rmse_m");

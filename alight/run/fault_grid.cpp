@@ -159,6 +159,9 @@ std::vector<CampaignScenario> apply_faults(const std::vector<CampaignScenario>& 
 
 bool ended_well(const CampaignScenario& scenario, const LandingResult& result) {
   const Outcome outcome = result.outcome;
+  const bool touched =
+      outcome == Outcome::crashed || outcome == Outcome::landed_elsewhere;
+  if (touched && result.lost_link && result.lost_link->helpless) return true;
   if (outcome == Outcome::crashed || outcome == Outcome::timeout) return false;
   const auto& ends = scenario.ends;
   if (!ends.empty() && std::find(ends.begin(), ends.end(), outcome) == ends.end()) {

@@ -65,7 +65,9 @@ inline constexpr double kDriftMax_m = 1.5;
 inline constexpr double kSinkMax_m_s = 0.7;
 
 /// Whether a landing of this scenario may end so: outcome and reason are those
-/// expected, and a drone left alone has neither drifted too far nor sunk too fast.
+/// expected, and a drone left alone has neither drifted too far nor sunk too fast. What
+/// a drone left alone over the platform meets is not held against it
+/// (LostLink::helpless).
 bool ended_well(const CampaignScenario& scenario, const LandingResult& result);
 
 }  // namespace alight

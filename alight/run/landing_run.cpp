@@ -493,6 +493,10 @@ Result<LandingResult> Loop::run() {
   LandingResult result;
   judge(result);
   tally_.report(result);
+  if (result.outcome == Outcome::crashed && result.lost_link &&
+      result.lost_link->helpless) {
+    result.reason += ", left alone over the platform: no abort was possible";
+  }
   result.simulated_s = to_seconds(std::min(now, end));
   result.realtime_factor = result.simulated_s / (1e-6 * (thread_cpu_us() - began_us));
   for (int i = 0; i < kStages; ++i) {

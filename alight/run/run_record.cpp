@@ -39,7 +39,8 @@ std::string result_json(const LandingResult& r) {
   j["lost_link"] = nullptr;
   if (r.lost_link) {
     j["lost_link"] = {{"drift_m", number(r.lost_link->drift_m)},
-                      {"sink_m_s", number(r.lost_link->sink_m_s)}};
+                      {"sink_m_s", number(r.lost_link->sink_m_s)},
+                      {"helpless", r.lost_link->helpless}};
   }
   j["tracking_rmse_m"] = number(r.tracking_rmse_m);
   j["follow_rmse_m"] = number(r.follow_rmse_m);

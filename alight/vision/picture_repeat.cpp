@@ -9,20 +9,20 @@ namespace alight {
 namespace {
 
 constexpr int kRows = 16;       // every so many are compared,
-constexpr int kRowsUnseen = 4;  // and so many where no LED is known: one is higher
+constexpr int kRowsUnseen = 3;  // and so many where no LED is known: one is as high
 constexpr double kAroundPx = 8;
 
-// FNV-1a over whole words, four at a time, for each waits for the one before it. What
-// is left of a row, up to 31 bytes, is not looked at.
+// FNV-1a over whole words, four at a time, for each waits for the one before it.
 std::uint64_t fingerprint(const ImageView& picture, const Roi& roi, int step) {
   std::array<std::uint64_t, 4> lanes;
   lanes.fill(1469598103934665603u);
   const auto begin = static_cast<std::size_t>(roi.u0 * picture.channels);
   const auto end = static_cast<std::size_t>(roi.u1 * picture.channels);
   for (int v = roi.v0; v < roi.v1; v += step) {
-    for (std::size_t at = begin; at + 32 <= end; at += 32) {
-      std::array<std::uint64_t, 4> words;
-      std::memcpy(words.data(), picture.row(v) + at, 32);
+    for (std::size_t at = begin; at < end; at += 32) {
+      std::array<std::uint64_t, 4> words{};
+      std::memcpy(words.data(), picture.row(v) + at,
+                  std::min<std::size_t>(32, end - at));
       for (std::size_t k = 0; k < 4; ++k) {
         lanes[k] = (lanes[k] ^ words[k]) * 1099511628211u;
       }

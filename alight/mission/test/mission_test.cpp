@@ -33,6 +33,7 @@ class Flight {
   std::uint32_t plan_age = 0;  ///< It answers this many questions ago.
   Time planner_delay = 2 * kStep;
   double battery = 1;
+  double platform_speed = 0.9;  ///< m/s
   Blindness blindness = Blindness::leds;
   bool computer_was_late = false;
   AutopilotMode mode = AutopilotMode::offboard;
@@ -88,7 +89,7 @@ class Flight {
     in.seen = seen_;
     in.blindness = blindness;
     in.computer_was_late = computer_was_late;
-    in.platform.v_IN_N = Vector3(0.9, 0, 0);
+    in.platform.v_IN_N = Vector3(platform_speed, 0, 0);
     PlanArrival arrival;
     if (asked_ && planner_answers && now_ >= answer_at_) {
       asked_ = false;
@@ -831,7 +832,7 @@ TEST(Mission, TooManyFailedLandingsHold) {
   Flight f(config);
   f.plans_feasible = false;
   ASSERT_TRUE(f.reach(State::hold));
-  EXPECT_EQ(f.reason(), "too many landings have failed");
+  EXPECT_EQ(f.reason(), "no trajectory keeps the view") << "more plans will not help";
   EXPECT_EQ(f.mission().status().attempts, 3);
   f.plans_feasible = true;
   f.run(10);
@@ -844,12 +845,124 @@ TEST(Mission, TooManyFailedLandingsHold) {
   EXPECT_TRUE(f.until(State::complete));
 }
 
+constexpr const char* kTooFastSaid =
+    "the platform is too fast for the drone's speed limit: no landing";
+
+TEST(Mission, APlatformThatIsTooFastIsRefusedBeforeTheStart) {
+  Flight f;
+  f.platform_speed = 1.01 * f.rig().limits.speed_m_s;
+  ASSERT_TRUE(f.reach(State::refused));
+  EXPECT_EQ(f.reason(), kTooFastSaid);
+  EXPECT_EQ(f.orders_arm, 0);
+}
+
+TEST(Mission, OnAPlatformThatBecomesTooFastItEndsSoonAsTheUserWants) {
+  for (const WhenFailed wanted : {WhenFailed::hold, WhenFailed::leave}) {
+    for (const State state : {State::follow, State::go_around, State::rendezvous}) {
+      SCOPED_TRACE(to_string(state));
+      MissionConfig config;
+      config.safety.when_failed = wanted;
+      Flight f(config);
+      ASSERT_TRUE(bring(f, state));
+      f.platform_speed = 1.01 * f.rig().limits.speed_m_s;
+      const State end = wanted == WhenFailed::hold ? State::hold : State::aborted;
+      ASSERT_TRUE(f.until(end, 1));
+      EXPECT_EQ(f.reason(), kTooFastSaid);
+    }
+  }
+}
+
+TEST(Mission, APlatformThatIsTooFastForAMomentIsNone) {
+  Flight f;
+  ASSERT_TRUE(bring(f, State::follow));
+  f.platform_speed = 1.5 * f.rig().limits.speed_m_s;
+  f.run(0.4);
+  f.platform_speed = 0.9;
+  EXPECT_TRUE(f.until(State::complete));
+}
+
+TEST(Mission, PlansThatFailOnAFastPlatformAreItsFault) {
+  Flight f;
+  f.plans_feasible = false;
+  f.platform_speed = 0.9 * f.rig().limits.speed_m_s;
+  ASSERT_TRUE(f.reach(State::hold));
+  EXPECT_EQ(f.reason(), kTooFastSaid);
+  EXPECT_EQ(f.mission().status().attempts, 1);
+}
+
+TEST(Mission, WithoutOdometryItHoldsUntilThereIsSomeAgain) {
+  for (const State state : {State::follow, State::rendezvous}) {
+    SCOPED_TRACE(to_string(state));
+    Flight f;
+    ASSERT_TRUE(bring(f, state));
+    f.platform = false;
+    ASSERT_TRUE(f.until(State::hold, 10));
+    EXPECT_EQ(f.reason(), "no platform odometry comes");
+    f.run(30);
+    EXPECT_EQ(f.state(), State::hold);
+    f.platform = true;
+    f.step();
+    expect_last(f, State::hold, State::follow, "the platform odometry is back");
+    EXPECT_TRUE(f.until(State::complete));
+  }
+}
+
+TEST(Mission, OdometryThatComesBackDoesNotOverruleTheOperator) {
+  Flight f;
+  ASSERT_TRUE(bring(f, State::follow));
+  f.platform = false;
+  ASSERT_TRUE(f.until(State::hold, 10));
+  f.wish = OperatorWish::hold;
+  f.step();
+  f.platform = true;
+  f.run(5);
+  EXPECT_EQ(f.state(), State::hold);
+  f.wish = OperatorWish::go;
+  EXPECT_TRUE(f.until(State::complete));
+}
+
+// What it is thrown out of its way by, it goes on from where it is: a reference that
+// has run away would be flown after through whatever is between.
+TEST(Mission, FarOffItsWayTheReferenceComesToTheDrone) {
+  for (const State state :
+       {State::follow, State::go_around, State::hold, State::rendezvous}) {
+    SCOPED_TRACE(to_string(state));
+    Flight f;
+    ASSERT_TRUE(bring(f, state));
+    f.off = Vector3(-0.5, 0.3, 0.4);
+    f.run(0.03);
+    EXPECT_LT((f.mission().maneuver().at(f.now()).p_NB - f.x().p_NB).norm(), 0.75);
+    EXPECT_TRUE(std::any_of(f.transitions.begin(), f.transitions.end(), [](auto& t) {
+      return std::string(t.reason) == "far off its way: it goes on from where it is";
+    }));
+    f.off.setZero();
+    if (state == State::hold) f.wish = OperatorWish::go;
+    EXPECT_TRUE(f.until(State::complete));
+  }
+}
+
+// The platform neither stops beneath a drone that lands by itself nor runs into it
+// later.
+TEST(Mission, ThePlatformWaitsForADroneThatLandsBesideIt) {
+  Flight f;
+  ASSERT_TRUE(bring(f, State::follow));
+  EXPECT_EQ(f.c.platform_speed_wish, 1);
+  f.wish = OperatorWish::abort;
+  f.run(10);
+  ASSERT_EQ(f.state(), State::aborted);
+  ASSERT_GT(f.orders_land, 0);
+  EXPECT_EQ(f.c.platform_speed_wish, 0);
+  f.motors_stop = true;
+  f.run(5);
+  EXPECT_EQ(f.c.platform_speed_wish, 0) << "it lies there";
+}
+
 TEST(Mission, EachFailedLandingIsFollowedByALongerWait) {
   Flight f;
   f.plans_feasible = false;
   ASSERT_TRUE(f.reach(State::follow));
   Seconds last = 0;
-  for (int i = 0; i < 4; ++i) {
+  for (int i = 0; i < 2; ++i) {  // a third time without a plan is the last
     ASSERT_TRUE(f.until(State::rendezvous, 60));
     ASSERT_TRUE(f.until(State::follow, 60));
     const Time began = f.now();

@@ -192,6 +192,7 @@ TEST(CampaignStore, JsonBringsEveryBitBack) {
   r.reason = "a \"reason\"";
   r.attempts = 3;
   r.touchdown = LandingResult::Touchdown{1.0 / 3, 0.1, 1e-300, -2.5, NAN};
+  r.lost_link = LandingResult::LostLink{0.1, 1.0 / 7, true};
   r.tracking_rmse_m = 0.1 + 0.2;
   r.follow_rmse_m = NAN;
   r.estimate = {1e-17, 2.0 / 7, 3, 0.998, 9};

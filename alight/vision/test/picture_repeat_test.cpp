@@ -64,7 +64,7 @@ TEST(PictureRepeat, TellsNoiselessPicturesApartByTheirLeds) {
 TEST(PictureRepeat, LedsAtTheBorderAreNoTrouble) {
   PictureRepeat repeat;
   const Picture p = noise(7);
-  for (const Vector2 led : {Vector2(0, 0), Vector2(319, 239), Vector2(-5, 120)}) {
+  for (const Vector2& led : {Vector2(0, 0), Vector2(319, 239), Vector2(-5, 120)}) {
     repeat.look(noise(8).view());
     repeat.found(noise(8).view(), {});
     EXPECT_EQ(repeat.look(p.view()), 1);
