@@ -73,7 +73,6 @@ class Tally {
     if (contact.flown && !contact.touched_down) {
       drone_speed_ = std::max(drone_speed_, truth.v_IB.norm());
     }
-    lost_link(truth, contact);
     if (!out.trace.reference_valid) return;
     const double square =
         (truth.X_NB.translation() - out.trace.reference.p_NB).squaredNorm();
@@ -90,6 +89,7 @@ class Tally {
     }
   }
 
+  /// Also when the brain is not run.
   void lost_link(const TruthState& truth, const ContactReport& contact) {
     const bool alone = truth.mode == AutopilotMode::failsafe && contact.flown &&
                        !contact.touched_down && !contact.landed_elsewhere;
@@ -457,6 +457,7 @@ Result<LandingResult> Loop::run() {
   Time now = 0;
   for (now = period; now <= end; now += period) {
     world_->advance_to(now);
+    tally_.lost_link(world_->truth(), world_->contact());
     if (auto good = take_pictures(now); !good) return fail(good.error());
     if (world_->fault(FaultKind::computer_stall, now) != nullptr) continue;
     if (auto good = gather(now); !good) return fail(good.error());

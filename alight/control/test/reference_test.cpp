@@ -95,6 +95,27 @@ TEST(PointToPoint, IsNotIdle) {
   }
 }
 
+// A start that gains speed leaves the bounds whatever comes after; not by much.
+TEST(PointToPoint, AStartThatGainsSpeedStaysNearItsBounds) {
+  Rng rng(3);
+  const MoveLimits limits{0.9, 1.2, 1};
+  for (int i = 0; i < 300; ++i) {
+    FlatState from;
+    from.v_NB = draw(rng, 0.8);
+    from.a_NB = 2 * rng.uniform() * from.v_NB.normalized();
+    const Vector3 to = draw(rng, 1.0);
+    const PointToPoint move(kStart, from, to, 0, limits);
+    for (int k = 0; k <= 300; ++k) {
+      const FlatState s = move.at(kStart + from_seconds(move.duration() * k / 300.0));
+      EXPECT_LE(s.v_NB.norm(), 2 * std::max(limits.speed_m_s, from.v_NB.norm()));
+      // Twice its way of braking with the acceleration allowed, and some for its own.
+      const double braking = from.v_NB.squaredNorm() / limits.acceleration_m_s2;
+      EXPECT_LE((s.p_NB - to).norm(), to.norm() + 1 + braking);
+    }
+    EXPECT_LT((move.at(move.end()).p_NB - to).norm(), 1e-9);
+  }
+}
+
 TEST(PointToPoint, NowhereToGo) {
   const PointToPoint move(kStart, FlatState{}, Vector3::Zero(), 0, {});
   for (Time t = kStart - 1; t < kStart + 1'000'000'000; t += 50'000'000) {
