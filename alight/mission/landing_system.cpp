@@ -16,6 +16,7 @@ constexpr double kHeadingJump = 15 * kDegree;
 constexpr int kHeadingJumpSeen = 3;
 constexpr double kLeastUpright = 0.5;  // cosine of the tilt at which thrust still lifts
 constexpr Seconds kLatestTold = 10;    // a picture still later is no word on the camera
+constexpr double kLiftTrust = 0.3;     // share of what lift-off says of the thrust
 constexpr Time kFuture = 5'000'000;    // ns; clocks agree no better than this
 
 // What no platform or drone that is landed on does: a number beyond is a broken
@@ -416,10 +417,12 @@ void LandingSystem::step(const Input& input, Output& out, Probe* probe) {
   }
   if (command.lifted) {
     // The ground no longer says what the thrust is worth: at lift-off it equals weight.
+    // When that was is known to a tenth of a second, in which thrust grows by as much
+    // as the drone's mass may be off.
     const double thrust =
         p.response.at(in.seen - from_seconds(command.lifted_since)).thrust_m_s2;
     const Vector3 b_N =
-        -gravity_N(out.trace.platform).normalized() * (kGravity - thrust);
+        -kLiftTrust * (kGravity - thrust) * gravity_N(out.trace.platform).normalized();
     p.estimator.restart_disturbance(b_N);
     state.d_N.setZero();
     state.b_N = b_N;
