@@ -411,6 +411,12 @@ void RelativeEstimator::place_by_pixels(const CameraFrame& frame, BlobSpan blobs
 }
 
 bool RelativeEstimator::believable(const FoundLeds& found, Time t) {
+  // Just where it is expected no lamps stand by chance.
+  if (near(filter_.state().X_NB(), found.fit.X_NB, config_.expected_within_m,
+           config_.expected_within_deg * kDegree)) {
+    confirmations_ = 0;
+    return true;
+  }
   // Lamps that look like the constellation do so less exactly than the LEDs did.
   if (usual_misfit_ > 0 && found.fit.rms_px > exact_px()) {
     confirmations_ = 0;
@@ -475,14 +481,17 @@ Result<RestFit> RelativeEstimator::calibrate_at_rest() {
   if (!fit) return fail(fit.error());
   camera_ = fit->camera;
   leds_ = fit->leds;
-  tracker_.set_rig(camera_, leds_, config_.rest_led_sd_m);
-  finder_.set_rig(camera_, leds_, config_.rest_led_sd_m);
+  // One that was not seen at rest is known no better than before.
+  const bool all = static_cast<int>(seen.size()) == leds_.size();
+  const double led_sd_m = all ? config_.rest_led_sd_m : config_.rest.led_sd_m;
+  tracker_.set_rig(camera_, leds_, led_sd_m);
+  finder_.set_rig(camera_, leds_, led_sd_m);
   resolver_.set_rig(camera_, leds_);
   const Time t = filter_.time();
-  filter_.set_rig(camera_, leds_, config_.rest_led_sd_m);
+  filter_.set_rig(camera_, leds_, led_sd_m);
   rivals_.set_rig(camera_, filter_);
   // They fit where it stands, whatever is wrong with them elsewhere.
-  misfit_least_ = config_.rest_led_sd_m * camera_.intrinsics.fx;
+  misfit_least_ = led_sd_m * camera_.intrinsics.fx;
   RelativeState x;
   x.p_NB = fit->X_NB.translation();
   x.R_NB = fit->X_NB.linear();

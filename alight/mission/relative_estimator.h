@@ -39,14 +39,16 @@ struct RelativeEstimatorConfig {
   // Fewer than three LEDs do for a pose that is known this well (sd) with them:
   double known_sd_m = 0.05;
   double known_sd_deg = 7;
-  int misses_before_search = 3;    ///< Frames without a match before the whole picture
-                                   ///< is searched,
-  int leds_after_misses = 4;       ///< and LEDs needed to be taken up again from then,
-  int lights_after_misses = 2;     ///< among so many lights for each LED at most.
-  double forget_after_s = 2;       ///< Prediction alone is believed this long.
-  double reprojection_max_px = 4;  ///< A worse fit counts as a miss.
-  double search_gate_m = 0.5;      ///< A search's answer this near to the prediction
-                                   ///< keeps the predicted velocity.
+  int misses_before_search = 3;     ///< Frames without a match before the whole picture
+                                    ///< is searched,
+  int leds_after_misses = 4;        ///< and LEDs needed to be taken up again from then,
+  int lights_after_misses = 2;      ///< among so many lights for each LED at most.
+  double forget_after_s = 2;        ///< Prediction alone is believed this long.
+  double reprojection_max_px = 4;   ///< A worse fit counts as a miss.
+  double search_gate_m = 0.5;       ///< A search's answer this near to the prediction
+                                    ///< keeps the predicted velocity.
+  double expected_within_m = 0.1;   ///< An answer so near to the prediction in place
+  double expected_within_deg = 10;  ///< and turn need not be exact.
   // An answer that contradicts the prediction may be made of lamps.
   double search_drift_m_s = 1;   ///< A prediction may be off by the gate plus this,
   double search_turn_deg = 35;   ///< and turned by this;
