@@ -386,6 +386,10 @@ void LandingSystem::step(const Input& input, Output& out, Probe* probe) {
   in.x = state.x;
   in.x_seen = p.x_seen;
   in.seen = p.estimator.last_sight();
+  if (in.estimate_valid) {
+    in.position_sd_m =
+        std::sqrt(out.trace.predicted_cov.diagonal().head<3>().maxCoeff());
+  }
   p.sight.frozen(p.estimator.camera_frozen());
   in.blindness = p.sight.why(input.now);
   if (in.blindness == Blindness::leds && !in.platform_ready) {

@@ -60,6 +60,10 @@ constexpr int kPlanlessMax = 3;
 constexpr const char* kTooFast =
     "the platform is too fast for the drone's speed limit: no landing";
 constexpr const char* kNoOdometry = "no platform odometry comes";
+// So many sd of the position are the miss at which commit is refused: what is known
+// less well, and for longer, s, than it takes to be known again, is not landed by.
+constexpr double kVagueSds = 2.5;
+constexpr Seconds kVagueFor = 0.1;
 constexpr const char* kOffItsWay = "far off its way: it goes on from where it is";
 
 // Why only the autopilot acts.
@@ -212,6 +216,16 @@ bool Mission::too_fast(const MissionInput& in) {
     fast_since_ = in.now;
   }
   return fast_ && to_seconds(in.now - fast_since_) > kTooFastFor;
+}
+
+bool Mission::too_vague(const MissionInput& in) {
+  if (kVagueSds * in.position_sd_m <= config_.commit_error_m) {
+    vague_ = false;
+  } else if (!vague_) {
+    vague_ = true;
+    vague_since_ = in.now;
+  }
+  return vague_ && to_seconds(in.now - vague_since_) > kVagueFor;
 }
 
 void Mission::give_up(const char* reason, const MissionInput& in, Output& out) {
@@ -813,6 +827,8 @@ void Mission::land(const MissionInput& in, Command& c, Output& out) {
       go(MissionState::hold, "the operator holds", in, out);
     } else if (unseen(in) > config_.sight_lost_s) {
       go(MissionState::lost_target, words_for(in.blindness).lost, in, out);
+    } else if (too_vague(in) && unseen(in) < kFreshSight && config_.cut_height_m <= 0) {
+      go(MissionState::go_around, "too few LEDs are seen to land by", in, out);
     } else if (error.norm() > config_.go_around_error_m) {
       go(MissionState::go_around,
          in.computer_was_late ? words_for(Blindness::computer).lost

@@ -24,6 +24,7 @@ struct MissionInput {
   RelativeState x;              ///< At now.
   RelativeState x_seen;         ///< At the last picture.
   Time seen = 0;                ///< When that was captured.
+  double position_sd_m = 0;     ///< Of x, as far as it is known, along the worst axis.
   Blindness blindness = Blindness::leds;  ///< Why nothing newer is seen.
   bool computer_was_late = false;         ///< The brain was not run for a while.
   PlatformState platform;                 ///< At now.
@@ -84,6 +85,8 @@ class Mission {
   bool strayed(const MissionInput& in) const;
   /// The platform is faster than the drone may fly, and stays so.
   bool too_fast(const MissionInput& in);
+  /// Seen, but for a while not well enough to land by it.
+  bool too_vague(const MissionInput& in);
   /// No landing comes about: as the user wants it.
   void give_up(const char* reason, const MissionInput& in, Output& out);
   bool overruled(const MissionInput& in, Output& out);
@@ -155,6 +158,8 @@ class Mission {
   int plan_tries_ = 0;
   const char* plan_trouble_ = "";
   int planless_ = 0;  // times in a row that no plan came about at the rendezvous
+  bool vague_ = false;
+  Time vague_since_ = 0;
   bool fast_ = false;
   Time fast_since_ = 0;
   bool awaits_odometry_ = false;  // hold: ends when there is odometry again

@@ -36,6 +36,7 @@ class Flight {
   double platform_speed = 0.9;  ///< m/s
   Blindness blindness = Blindness::leds;
   bool computer_was_late = false;
+  double position_sd_m = 0.02;
   AutopilotMode mode = AutopilotMode::offboard;
   Vector3 off = Vector3::Zero();           ///< From the reference, where it flies.
   Vector3 slid = Vector3::Zero();          ///< On the ground, when the motors run.
@@ -89,6 +90,7 @@ class Flight {
     in.seen = seen_;
     in.blindness = blindness;
     in.computer_was_late = computer_was_late;
+    in.position_sd_m = position_sd_m;
     in.platform.v_IN_N = Vector3(platform_speed, 0, 0);
     PlanArrival arrival;
     if (asked_ && planner_answers && now_ >= answer_at_) {
@@ -803,6 +805,31 @@ TEST(Mission, BelowTheCommitHeightItLandsWhateverComes) {
   f.off = Vector3(0.15, 0, 0);
   f.run(0.1);
   EXPECT_EQ(f.state(), State::land);
+  EXPECT_TRUE(f.until(State::complete));
+  EXPECT_EQ(f.mission().status().attempts, 1);
+}
+
+TEST(Mission, WhatIsKnownTooVaguelyIsNotLandedBy) {
+  for (const double sd : {0.03, 0.05}) {
+    Flight f;
+    ASSERT_TRUE(f.reach(State::land));
+    f.run(0.5);
+    f.position_sd_m = sd;
+    f.run(0.3);
+    EXPECT_EQ(f.state(), sd < 0.04 ? State::land : State::go_around) << sd;
+    if (sd > 0.04) {
+      EXPECT_EQ(f.reason(), "too few LEDs are seen to land by");
+    }
+    f.position_sd_m = 0.02;
+    EXPECT_TRUE(f.until(State::complete));
+  }
+}
+
+TEST(Mission, ACommittedLandingGoesOnHoweverVague) {
+  Flight f;
+  ASSERT_TRUE(f.reach(State::land));
+  ASSERT_TRUE(f.until_below(0.11));
+  f.position_sd_m = 0.2;
   EXPECT_TRUE(f.until(State::complete));
   EXPECT_EQ(f.mission().status().attempts, 1);
 }
