@@ -27,6 +27,8 @@ constexpr Seconds kStopIn = 0.4;
 // long it takes from 3 cm and 0.3 m/s upwards, s.
 constexpr double kComingDown = 0.75;
 constexpr Seconds kComingDownFor = 0.45;
+// The platform drives on for so long, s, away from a drone that lands by itself.
+constexpr Seconds kOutOfTheWay = 3;
 // Unseen for so long, s, the drone may be elsewhere than predicted.
 constexpr Seconds kStillKnown = 1;
 // How long a refused drone that is armed all the same is told to disarm, s.
@@ -407,12 +409,15 @@ MissionCommand Mission::step(const MissionInput& in, Output& out) {
   const bool on_its_way = status_.state == MissionState::idle ||
                           status_.state == MissionState::armed ||
                           status_.state == MissionState::taken_off;
-  // Where the autopilot brings it down by itself, the platform is not to drive into it:
-  // not stop beneath it, and not come round again.
+  // Where the autopilot brings it down by itself, the platform is first to get out of
+  // the way, then not to come round again.
   const bool left_alone = status_.state == MissionState::lost_link ||
                           (status_.state == MissionState::aborted && left_);
   if (flying() && !left_alone) waits_for_it_ = false;
-  if (airborne_ && left_alone && outline_.clear(in.x.p_NB)) waits_for_it_ = true;
+  if (!left_alone) left_alone_since_ = in.now;
+  if (airborne_ && to_seconds(in.now - left_alone_since_) > kOutOfTheWay) {
+    waits_for_it_ = true;
+  }
   c.platform_speed_wish =
       (config_.start_on_floor && on_its_way) || waits_for_it_ ? 0 : 1;
   c.on_ground = !airborne_;

@@ -148,6 +148,7 @@ class Mission {
   Time coming_down_since_ = 0;
   bool left_ = false;          // aborted: the autopilot has been told to land
   bool waits_for_it_ = false;  // the platform, for a drone that lands by itself
+  Time left_alone_since_ = 0;
   Time settled_since_ = 0;
   bool settling_ = false;
   Time last_order_ = 0;
