@@ -363,6 +363,8 @@ void LandingSystem::step(const Input& input, Output& out, Probe* probe) {
   p.sight.step(input.now);
   for (const Event& event : input.events) p.take(event, input.now, out, probe);
 
+  // No older picture is taken any more, and what moved the drone is forgotten soon.
+  p.estimator.advance(input.now - from_seconds(p.config.event_age_max_s), p.motion);
   out.trace.t = input.now;
   out.trace.platform = p.platform.at(input.now);
   out.trace.estimate_valid = p.estimator.initialized();

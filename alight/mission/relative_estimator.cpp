@@ -118,6 +118,13 @@ Result<RelativeEstimator> RelativeEstimator::create(
                            std::move(*filter));
 }
 
+void RelativeEstimator::advance(Time t, const MotionSource& motion) {
+  if (!filter_.initialized() || t <= filter_.time()) return;
+  const auto done = filter_.predict_through(
+      t, step_, [&](Time at) { return motion.at(at, filter_.state()); });
+  if (!done) filter_.stop();
+}
+
 bool RelativeEstimator::fuse(const CameraFrame& frame, const MotionSource& motion,
                              FrameReport& out, Probe* probe) {
   out = FrameReport{};

@@ -80,6 +80,10 @@ class RelativeEstimator {
   bool fuse(const CameraFrame& frame, const MotionSource& motion, FrameReport& out,
             Probe* probe = nullptr);
 
+  /// Carries the filter on to `t` without a picture: what moved the drone is only known
+  /// for a while (DroneResponse::kHistory). Pictures from before `t` are lost to it.
+  void advance(Time t, const MotionSource& motion);
+
   bool initialized() const { return filter_.initialized(); }
   /// Capture time of the last picture that was tracked; only when initialized.
   Time last_sight() const { return last_sight_; }
