@@ -108,8 +108,10 @@ TEST(PointToPoint, AStartThatGainsSpeedStaysNearItsBounds) {
     for (int k = 0; k <= 300; ++k) {
       const FlatState s = move.at(kStart + from_seconds(move.duration() * k / 300.0));
       EXPECT_LE(s.v_NB.norm(), 2 * std::max(limits.speed_m_s, from.v_NB.norm()));
-      // Twice its way of braking with the acceleration allowed, and some for its own.
-      const double braking = from.v_NB.squaredNorm() / limits.acceleration_m_s2;
+      // Twice its way of braking with the acceleration allowed, after half a second in
+      // which it gains speed, and some for its own.
+      const double speed = from.v_NB.norm() + 0.5 * from.a_NB.norm();
+      const double braking = speed * speed / limits.acceleration_m_s2;
       EXPECT_LE((s.p_NB - to).norm(), to.norm() + 1 + braking);
     }
     EXPECT_LT((move.at(move.end()).p_NB - to).norm(), 1e-9);
