@@ -73,22 +73,27 @@ bool FlightObserver::observe(const CameraFrame& frame, ObservedFrame& out) {
     cov.diagonal() << Vector3::Constant(kPlaceSd * kPlaceSd),
         Vector3::Constant(kTurnSd * kTurnSd);
     out.seen = tracker_.track(*blobs, out.X_NB, cov, frame.captured).seen;
-  } else {
-    const auto found = finder_.find(*blobs, frame.captured);
-    if (!found) return false;
-    out.X_NB = found->fit.X_NB;
-    out.seen = found->frame.seen;
+    if (fits(out)) return true;
   }
-  if (out.seen.size() < kFewestBlobs) return false;
-  const auto fit =
-      refine_pose(rig_.camera, rig_.leds, {out.seen.data(), out.seen.size()}, out.X_NB);
+  // Single pictures that were put together as a flight cannot be tracked.
+  const auto found = finder_.find(*blobs, frame.captured);
+  if (!found) return false;
+  out.X_NB = found->fit.X_NB;
+  out.seen = found->frame.seen;
+  return fits(out);
+}
+
+bool FlightObserver::fits(ObservedFrame& frame) const {
+  if (frame.seen.size() < kFewestBlobs) return false;
+  const auto fit = refine_pose(rig_.camera, rig_.leds,
+                               {frame.seen.data(), frame.seen.size()}, frame.X_NB);
   if (!fit) return false;
   const double range =
       (fit->X_NB.translation() - rig_.camera.X_NC.translation()).norm();
   const double led_px =
       config_.led_sd_m * rig_.camera.intrinsics.fx / std::max(range, 0.05);
   if (fit->rms_px > kPictureRms + kLedGate * led_px) return false;
-  out.X_NB = fit->X_NB;
+  frame.X_NB = fit->X_NB;
   return true;
 }
 

@@ -33,6 +33,8 @@ class FlightObserver {
                  RelativeEstimator estimator, BlobDetector detector, LedFinder finder,
                  LedTracker tracker);
   bool observe(const CameraFrame& frame, ObservedFrame& out);
+  /// Makes the pose as exact as its LEDs allow, unless they contradict each other.
+  bool fits(ObservedFrame& frame) const;
   bool still(const ObservedFrame& frame) const;
 
   FlightObserverConfig config_;

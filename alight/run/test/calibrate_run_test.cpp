@@ -30,7 +30,7 @@ TEST(CalibrateRealMasks, HeldOutHalfAndTheColourFrameFit) {
   const auto result = calibrate_flight(options);
   ASSERT_TRUE(result) << result.error().detail;
   EXPECT_EQ(result->pictures, 27);
-  EXPECT_GE(result->fit.frames, 25);
+  EXPECT_EQ(result->fit.frames, 27);
   EXPECT_GT(result->fit.rms_before_px, 1);
   EXPECT_LT(result->fit.rms_held_out_px, 0.3);
   EXPECT_EQ(result->fit.size_from, SizeFrom::prior);
