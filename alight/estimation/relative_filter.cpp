@@ -21,9 +21,15 @@ constexpr double kLost = 100;          // m, standard deviation; nothing is know
 constexpr double kTurnRateSd = 1;      // rad/s, at reset
 constexpr Seconds kTurnMemory = 1;     // drones do not go on turning
 // A drone that does not move as the model says (in a hand, on a cable) makes the
-// process noise grow with what pictures find improbable, and shrink by this share a
-// picture.
-constexpr double kRestlessKept = 0.9, kRestlessMost = 100;
+// process noise grow at once with what pictures find improbable; one that moves more
+// evenly makes it shrink, picture by picture.
+constexpr double kRestlessLeast = 0.01, kRestlessMost = 100;
+constexpr double kImprobable = 2;      // mean NIS, 1 by the model
+constexpr double kRestlessGain = 0.1;  // share of what it is off that counts at once
+// Six LEDs show six directions of their errors. What is learnt from these varies; the
+// mean of 1 / chi^2 of six degrees of freedom is 1.5 / 6.
+constexpr double kLedCaution = 1.2247;  // sqrt(1.5)
+constexpr double kLeftLeast = 0.1;  // of a residual's variance, whatever is computed
 constexpr double kTurnAside = 0.2;  // rad; a turn so far off tells nothing of its rate
 
 bool finite(const PlatformState& p) {
@@ -224,8 +230,8 @@ void RelativeFilter::learn_restlessness() {
   double sum = 0;
   for (const ObservationReport& o : report_.seen) sum += o.nis;
   const double mean = sum / (2 * report_.used);  // 1 by the model
-  restless_ = std::clamp(kRestlessKept * restless_, 1.0, kRestlessMost);
-  restless_ = std::clamp(mean * restless_, restless_, kRestlessMost);
+  const double factor = mean > kImprobable ? mean : 1 + kRestlessGain * (mean - 1);
+  restless_ = std::clamp(factor * restless_, kRestlessLeast, kRestlessMost);
 }
 
 Result<void> RelativeFilter::prepare(const LedFrame& frame,
@@ -382,9 +388,19 @@ Result<UpdateReport> RelativeFilter::update(const LedFrame& frame,
   report_ = UpdateReport{};
   UpdateReport& report = report_;
   PictureMeasurements measurements;
-  if (const auto ready = prepare(frame, measurements, report); !ready) {
-    return fail(ready.error());
+  auto ready = prepare(frame, measurements, report);
+  if (!ready && ready.error().fault == Fault::ambiguous && agreeing == 0 &&
+      restless_ < 1) {
+    // It may have moved evenly for too long to be believed when it no longer does.
+    P_ /= restless_;
+    turn_.P /= restless_;
+    turn_.cross /= restless_;
+    restless_ = 1;
+    report = UpdateReport{};
+    measurements.clear();
+    ready = prepare(frame, measurements, report);
   }
+  if (!ready) return fail(ready.error());
 
   if (report.seen.size() < agreeing) return fail(Fault::ambiguous);
 
@@ -425,19 +441,26 @@ Result<UpdateReport> RelativeFilter::update(const LedFrame& frame,
 void RelativeFilter::watch_residuals() {
   FixedVector<ResidualWatch::Residual, kMaxLeds> residuals;
   const Pose X_NB = state_.x.X_NB();
+  const Matrix6 P = P_.topLeftCorner<6, 6>();
   for (const ObservationReport& o : report_.seen) {
     if (!std::has_single_bit(o.leds) || o.variance_px2 <= 0) continue;
+    Matrix26 H;
+    if (!project_observation(camera_, X_NB, leds_, o.leds, &H)) continue;
+    const double taken = (H * P).cwiseProduct(H).sum();
     const double z = predicted_depth(camera_, X_NB, leds_, o.leds);
-    residuals.push_back({.led = std::countr_zero(o.leds),
-                         .px = o.residual_px,
-                         .m_per_px = z / camera_.intrinsics.fx,
-                         .variance_px2 = o.variance_px2});
+    residuals.push_back(
+        {.led = std::countr_zero(o.leds),
+         .px = o.residual_px,
+         .m_per_px = z / camera_.intrinsics.fx,
+         .variance_px2 = o.variance_px2,
+         .left = std::max(1 - taken / (watch_.noise() * o.variance_px2), kLeftLeast)});
   }
   watch_.add({residuals.data(), residuals.size()});
 }
 
 double RelativeFilter::led_sd_m() const {
-  return config_.learn_from_residuals ? watch_.led_sd_m() : config_.led_position_sd_m;
+  if (!config_.learn_from_residuals) return config_.led_position_sd_m;
+  return kLedCaution * watch_.led_sd_m(config_.led_supposed_sd_m);
 }
 
 void RelativeFilter::learn_velocity() {

@@ -29,6 +29,7 @@ Result<void> RelativeFilterConfig::validate() const {
       {"variance_per_frame", variance_per_frame, 0, 100},
       {"pixel_sd_px", pixel_sd_px, 0, 100},
       {"led_position_sd_m", led_position_sd_m, 0, 0.1},
+      {"led_supposed_sd_m", led_supposed_sd_m, 0, 0.1},
       {"led_white_share", led_white_share, 0, 1},
       {"depth_sd_m", depth_sd_m, 1e-6, 10},
       {"depth_sd_share", depth_sd_share, 0, 1},

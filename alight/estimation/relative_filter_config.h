@@ -32,9 +32,9 @@ struct RelativeFilterConfig {
   double led_position_sd_m = 0.002;  ///< Of each coordinate of each LED, constant.
   double led_white_share = 0.65;     ///< Of led_position_sd_m, in R.
   /// led_position_sd_m and the scale of the pixels' noise are learnt instead
-  /// (ResidualWatch), from nothing: a rig is taken for exact until pictures tell
-  /// otherwise.
+  /// (ResidualWatch), from
   bool learn_from_residuals = false;
+  double led_supposed_sd_m = 0.002;  ///< until pictures tell otherwise.
   bool use_depth = false;
   double depth_sd_m = 0.01;      ///< Together with
   double depth_sd_share = 0.02;  ///< this share of the depth.

@@ -19,17 +19,19 @@ class ResidualWatch {
     Vector2 px = Vector2::Zero();
     double m_per_px = 0;      ///< At the LED: its depth over the focal length.
     double variance_px2 = 0;  ///< Of both coordinates together, as claimed.
+    double left = 1;          ///< Share of it that the fit should leave.
   };
 
   /// The residuals of a picture at its fitted pose. Fewer than four LEDs say nothing.
   void add(std::span<const Residual> residuals);
 
-  /// Standard deviation of each coordinate of each LED's position, m.
-  double led_sd_m() const;
+  /// Standard deviation of each coordinate of each LED's position, m: `supposed_m`
+  /// until pictures tell otherwise.
+  double led_sd_m(double supposed_m = 0) const;
   /// Factor on the claimed variances; at least `kLeast`.
   double noise() const { return noise_; }
 
-  static constexpr double kLeast = 0.5, kMost = 100;
+  static constexpr double kLeast = 0.05, kMost = 100;
 
  private:
   static constexpr double kMemory = 60;  // pictures
@@ -39,6 +41,7 @@ class ResidualWatch {
   double noise_ = 1;
   double pictures_ = 0;
   double constant_m2_ = 0;
+  double told_ = 0;  // directions in which pictures have told of LEDs
 };
 
 }  // namespace alight

@@ -50,6 +50,9 @@ Result<void> RelativeEstimatorConfig::validate() const {
         Fault::invalid_config,
         "forget_after_s, reprojection_max_px and search_gate_m must be positive");
   }
+  if (!(placed_sd_px > 0 && placed_sds > 0)) {
+    return fail(Fault::invalid_config, "placed_sd_px and placed_sds must be positive");
+  }
   return {};
 }
 
@@ -58,6 +61,7 @@ RelativeEstimatorConfig RelativeEstimatorConfig::paper() {
   config.blobs.smooth = true;
   config.blobs.depth_threshold_m = 2.5;  // the effective landing distance
   config.blobs.grey_threshold = 150;     // its initialization bears no mirror image
+  config.blobs.dim_threshold = 0;
   config.finder.profile = LedFinderConfig::Profile::paper;
   config.tracker.profile = LedTrackerConfig::Profile::paper;
   config.filter = RelativeFilterConfig::paper();
@@ -348,6 +352,16 @@ void RelativeEstimator::search(const CameraFrame& frame, const MotionSource& mot
   {
     const ProbeScope scope(probe, Stage::associate);
     found = finder_.find(*blobs, frame.captured);
+    if (!found && config_.blobs.dim_threshold > 0) {
+      // LEDs may be too dim to stand out as what is bright does.
+      if (const auto dim = detector_.detect(frame.color, frame.depth, {},
+                                            BlobDetector::LookFor::dim)) {
+        blobs = dim;
+        found = finder_.find(*blobs, frame.captured);
+      } else {
+        blobs = detector_.detect(frame.color, frame.depth);
+      }
+    }
     if (!found && expecting_ && !filter_.initialized()) {
       if (auto expected = find_expected(*blobs, frame.captured)) found = expected;
     }
@@ -364,7 +378,19 @@ void RelativeEstimator::search(const CameraFrame& frame, const MotionSource& mot
                       : "no pose explains the picture";
     return;
   }
-  if (config_.tell_apart) place_by_pixels(frame, *blobs, *found);
+  if (config_.tell_apart) {
+    place_by_pixels(frame, *blobs, *found);
+    if (!exact_enough(found->fit)) {
+      out.why_not = "lights that fit worse than the LEDs' places are known";
+      return;
+    }
+  }
+  if (config_.tell_apart && !filter_.initialized() &&
+      found->fit.rms_px > config_.placed_sds * config_.placed_sd_px &&
+      !confirmed(found->fit.X_NB)) {
+    out.why_not = "not yet sure: lights that fit less exactly than LEDs should";
+    return;
+  }
   if (filter_.initialized() && !believable(*found, frame.captured)) {
     out.why_not = "a pose that contradicts the prediction";
     return;
@@ -415,6 +441,13 @@ void RelativeEstimator::place_by_pixels(const CameraFrame& frame, BlobSpan blobs
   }
   found.frame = leds;
   found.fit = *fit;
+}
+
+bool RelativeEstimator::exact_enough(const PoseFit& fit) const {
+  const double range = (fit.X_NB.translation() - camera_.X_NC.translation()).norm();
+  const double led_px =
+      config_.finder.led_sd_m * camera_.intrinsics.fx / std::max(range, 0.05);
+  return fit.rms_px <= config_.placed_sds * std::hypot(config_.placed_sd_px, led_px);
 }
 
 bool RelativeEstimator::believable(const FoundLeds& found, Time t) {

@@ -20,6 +20,9 @@ struct RelativeEstimatorConfig {
   LedResolverConfig resolver;
   double placed_within_m = 0.15;  ///< Pixels may move a found pose this far
   double placed_within_deg = 12;  ///< and turn it this much.
+  double placed_sd_px = 0.1;      ///< How exact pixels place LEDs. A pose found that
+  double placed_sds = 3;          ///< fits worse than so many sd must be confirmed, and
+                                  ///< is none if the LEDs' own do not explain it.
   double direct_gate_px = 2.5;    ///< LEDs this near to where they are expected are
                                   ///< followed without looking further.
   std::size_t held_leds = 4;      ///< So many told one by one among lamps do without
@@ -128,6 +131,7 @@ class RelativeEstimator {
               Probe* probe);
   /// A pose found from blobs, made as exact as the pixels allow.
   void place_by_pixels(const CameraFrame& frame, BlobSpan blobs, FoundLeds& found);
+  bool exact_enough(const PoseFit& fit) const;
   bool believable(const FoundLeds& found, Time t);
   bool believable_on_floor(const FoundLeds& found);
   bool confirmed(const Pose& X_NB);

@@ -30,6 +30,9 @@ Result<void> BlobDetectorConfig::validate() const {
   if (grey_threshold < 0 || grey_threshold > 254) {
     return out("grey_threshold", grey_threshold, "[0, 254]");
   }
+  if (dim_threshold < 0 || dim_threshold > 254) {
+    return out("dim_threshold", dim_threshold, "[0, 254]");
+  }
   if (!(depth_threshold_m >= 0 && depth_threshold_m <= 65)) {
     return out("depth_threshold_m", depth_threshold_m, "[0, 65]");
   }
@@ -63,7 +66,10 @@ Result<BlobDetector> BlobDetector::create(const BlobDetectorConfig& config, int 
 }
 
 BlobDetector::BlobDetector(const BlobDetectorConfig& config, int width, int height)
-    : config_(config), width_(width), height_(height) {
+    : config_(config),
+      threshold_(config.grey_threshold),
+      width_(width),
+      height_(height) {
   runs_.reserve(kMaxRuns);
   parts_.reserve(kMaxParts);
   order_.reserve(kMaxParts);
@@ -134,7 +140,7 @@ void BlobDetector::add_run(const ImageView& image, int v, int u0, int u1, int v_
   sums.area += u1 - u0;
   for (int u = u0; u < u1; ++u) {
     const int grey = grey_at(image, v, u);
-    const std::int64_t w = grey - config_.grey_threshold;
+    const std::int64_t w = grey - threshold_;
     sums.peak = std::max(sums.peak, grey);
     sums.w += w;
     sums.wu += w * u;
@@ -155,8 +161,11 @@ bool BlobDetector::takes(const ImageView& image, const DepthView& depth) const {
 }
 
 Result<BlobSpan> BlobDetector::detect(const ImageView& image, const DepthView& depth,
-                                      const Roi& roi) {
+                                      const Roi& roi, LookFor what) {
   if (!takes(image, depth)) return fail(Fault::invalid_input);
+  threshold_ = what == LookFor::bright
+                   ? config_.grey_threshold
+                   : std::min(config_.dim_threshold, config_.grey_threshold);
   Roi cut = roi.empty() ? Roi{0, 0, width_, height_} : roi;
   cut = {std::max(cut.u0, 0), std::max(cut.v0, 0), std::min(cut.u1, width_),
          std::min(cut.v1, height_)};
@@ -166,7 +175,7 @@ Result<BlobSpan> BlobDetector::detect(const ImageView& image, const DepthView& d
   blobs_.clear();
   if (cut.empty()) return BlobSpan(blobs_);
 
-  const int tau = config_.grey_threshold;
+  const int tau = threshold_;
   const int c = image.channels;
   const bool masked = !depth.empty() && config_.depth_threshold_m > 0;
   const int far_mm = static_cast<int>(std::lround(config_.depth_threshold_m * 1000));
@@ -263,7 +272,7 @@ LedColor BlobDetector::hue(const Part& part, const ImageView& image) const {
   const int v0 = std::max(part.v0 - m, 0), v1 = std::min(part.v1 + m, height_);
   const int step_u = 1 + (u1 - u0) / 64, step_v = 1 + (v1 - v0) / 64;
   // The darkest pixels carry the sensor's own tint.
-  const int dark = std::min(30, config_.grey_threshold);
+  const int dark = std::min(30, threshold_);
   std::int64_t total = 0, b = 0, g = 0, r = 0;
   for (int v = v0; v < v1; v += step_v) {
     for (int u = u0; u < u1; u += step_u) {
@@ -304,7 +313,7 @@ double BlobDetector::depth_of(const Part& part, const ImageView& image,
   for (int v = part.v0; v < part.v1; ++v) {
     for (int u = part.u0; u < part.u1 && count < known.size(); ++u) {
       const std::uint16_t mm = depth.row(v)[u];
-      if (mm != 0 && grey_at(image, v, u) > config_.grey_threshold) known[count++] = mm;
+      if (mm != 0 && grey_at(image, v, u) > threshold_) known[count++] = mm;
     }
   }
   if (count == 0) return 0;

@@ -11,6 +11,9 @@ struct BlobDetectorConfig {
   /// tau_gy of eqn:RSE_thres, 0 to 254. Grey is the brightest channel, so that a blue
   /// or red LED counts as much as a green one.
   int grey_threshold = 60;
+  /// The same for LookFor::dim, at most grey_threshold; 0: not looked for. An LED three
+  /// times as dim as those that stand out well is still well above a sensor's noise.
+  int dim_threshold = 30;
   /// tau_dp of eqn:RSE_thres, m: farther pixels are dark; 0 switches it off. Pixels of
   /// unknown depth stay.
   double depth_threshold_m = 0;
@@ -37,6 +40,8 @@ struct BlobDetectorConfig {
 /// color_margin_px for the hue) has no influence.
 class BlobDetector {
  public:
+  enum class LookFor : std::uint8_t { bright, dim };
+
   static Result<BlobDetector> create(const BlobDetectorConfig& config, int width,
                                      int height);
 
@@ -53,7 +58,7 @@ class BlobDetector {
   ///          degenerate when the picture is so bright that it falls into more patches
   ///          than can be told apart. Of more than kMaxBlobs blobs the largest stay.
   Result<BlobSpan> detect(const ImageView& image, const DepthView& depth = {},
-                          const Roi& roi = {});
+                          const Roi& roi = {}, LookFor what = LookFor::bright);
 
   const BlobDetectorConfig& config() const { return config_; }
 
@@ -80,6 +85,7 @@ class BlobDetector {
                   const DepthView& depth) const;
 
   BlobDetectorConfig config_;
+  int threshold_;  ///< Of the picture that is looked at.
   int width_, height_;
   std::vector<Run> runs_;
   std::vector<std::size_t>

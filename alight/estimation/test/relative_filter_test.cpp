@@ -2,7 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <limits>
+#include <utility>
 
 #include "alight/estimation/test/flight.h"
 
@@ -359,6 +361,77 @@ TEST(RelativeFilter, FollowsWhatMovesAsNoDroneDoes) {
         filter.update(picture(rig.camera, rig.leds, X_NB, t, 0.1, rng)).has_value())
         << k;
     EXPECT_LT((filter.state().p_NB - X_NB.translation()).norm(), 0.02) << k;
+  }
+}
+
+/// Of a drone that hovers, over the last two of four seconds: mean NEES of the pose,
+/// and the stated sd of its position.
+std::pair<double, double> hovering(double noise_px, Rng rng) {
+  const Rig rig = alan_rig();
+  RelativeFilterConfig config = RelativeFilterConfig::camera_only();
+  RelativeFilter filter = RelativeFilter::create(config, rig.camera, rig.leds).value();
+  RelativeState x;
+  x.p_NB = Vector3(-0.85, 0, 0.6);
+  filter.reset(0, x, start_covariance());
+  double nees = 0, sd = 0;
+  for (int k = 1; k <= 240; ++k) {
+    const Time t = from_seconds(k / 60.0);
+    EXPECT_TRUE(filter.predict_to(t, {}).has_value());
+    // Claimed as 0.1 px, whatever it is.
+    LedFrame frame = picture(rig.camera, rig.leds, x.X_NB(), t, noise_px, rng);
+    for (LedObservation& o : frame.seen) o.cov = 0.01 * Matrix2::Identity();
+    EXPECT_TRUE(filter.update(frame).has_value()) << k;
+    if (k <= 120) continue;
+    const Eigen::Matrix<double, 6, 1> e =
+        boxminus(x, filter.state()).template head<6>();
+    const Eigen::Matrix<double, 6, 6> P = filter.covariance().topLeftCorner<6, 6>();
+    nees += e.dot(P.llt().solve(e)) / 120;
+    sd += filter.position_sd() / 120;
+  }
+  return {nees, sd};
+}
+
+TEST(RelativeFilter, LearnsHowExactPicturesAndHowEvenMotionIs) {
+  double nees_exact = 0, nees_rough = 0, sd_exact = 0, sd_rough = 0;
+  constexpr int kRuns = 20;
+  for (unsigned seed = 1; seed <= kRuns; ++seed) {
+    const auto [nees_a, sd_a] = hovering(0.03, Rng(seed));
+    const auto [nees_b, sd_b] = hovering(0.3, Rng(seed));
+    nees_exact += nees_a / kRuns;
+    nees_rough += nees_b / kRuns;
+    sd_exact += sd_a / kRuns;
+    sd_rough += sd_b / kRuns;
+  }
+  EXPECT_LT(4 * sd_exact, sd_rough);
+  for (const double nees : {nees_exact, nees_rough}) {
+    EXPECT_GT(nees, 2);
+    EXPECT_LT(nees, 9);
+  }
+}
+
+TEST(RelativeFilter, WhatMovesAfterLongRestIsFollowed) {
+  for (const double push : {1.0, 2.0, 4.0}) {  // m/s^2, from one picture to the next
+    const Rig rig = alan_rig();
+    RelativeFilter filter = RelativeFilter::create(RelativeFilterConfig::camera_only(),
+                                                   rig.camera, rig.leds)
+                                .value();
+    const auto truth = [&](double t) {
+      RelativeState x;
+      const double since = std::clamp(t - 3, 0.0, 0.3);
+      x.p_NB = Vector3(-0.85, push * since * (since / 2 + std::max(0.0, t - 3.3)), 0.6);
+      return x;
+    };
+    Rng rng(5);
+    filter.reset(0, truth(0), start_covariance());
+    for (int k = 1; k <= 200; ++k) {
+      const Time t = from_seconds(k / 60.0);
+      const Pose X_NB = truth(to_seconds(t)).X_NB();
+      ASSERT_TRUE(filter.predict_to(t, {}).has_value());
+      ASSERT_TRUE(
+          filter.update(picture(rig.camera, rig.leds, X_NB, t, 0.05, rng)).has_value())
+          << k << ", " << push << " m/s^2";
+      EXPECT_LT((filter.state().p_NB - X_NB.translation()).norm(), 0.03) << k;
+    }
   }
 }
 

@@ -17,12 +17,12 @@ constexpr double kMetrePerPx = 0.005;  // 2 m away
 /// six directions of their 2 n can take up.
 struct Source {
   Eigen::MatrixXd left;  // projection on what a pose cannot explain
+  Rng rng;
   Eigen::VectorXd constant;
   double sd_px;
-  Rng rng;
 
   Source(int n, double led_sd_m, double sd_px_in, std::uint64_t seed)
-      : sd_px(sd_px_in), rng(seed) {
+      : rng(seed), sd_px(sd_px_in) {
     Eigen::MatrixXd J(2 * n, 6);
     for (int i = 0; i < J.size(); ++i) J.data()[i] = rng.normal();
     left = Eigen::MatrixXd::Identity(2 * n, 2 * n) -
@@ -40,7 +40,8 @@ struct Source {
       out.push_back({.led = i,
                      .px = r.segment<2>(2 * i),
                      .m_per_px = kMetrePerPx,
-                     .variance_px2 = 2 * claimed_sd_px * claimed_sd_px});
+                     .variance_px2 = 2 * claimed_sd_px * claimed_sd_px,
+                     .left = left.diagonal().segment<2>(2 * i).mean()});
     }
     return out;
   }
@@ -71,6 +72,20 @@ TEST(ResidualWatch, NoiseThatWasClaimedTooLowShows) {
     ResidualWatch watch;
     for (int k = 0; k < 600; ++k) watch.add(source.next(0.1 / factor));
     EXPECT_NEAR(std::sqrt(watch.noise()), factor, 0.25 * factor);
+  }
+}
+
+TEST(ResidualWatch, LedsAreAsSupposedUntilPicturesTell) {
+  constexpr double kSupposed = 0.002;
+  for (const int n : {4, 6}) {
+    ResidualWatch watch;
+    Source exact(n, 0, 0.02, 7);
+    for (int told = 0; told < 6; told += 2 * n - 6) {
+      EXPECT_EQ(watch.led_sd_m(kSupposed), kSupposed);
+      watch.add(exact.next(0.02));
+    }
+    EXPECT_LT(watch.led_sd_m(kSupposed), 0.0003);
+    EXPECT_EQ(watch.led_sd_m(kSupposed), watch.led_sd_m());
   }
 }
 

@@ -162,6 +162,26 @@ TEST(RelativeEstimator, InitializesWithOnePictureAndTracks) {
   EXPECT_LT(worst_deg, 1);
 }
 
+TEST(RelativeEstimator, LedsThatAreDimAreFoundToo) {
+  for (const bool dim : {true, false}) {
+    RelativeEstimatorConfig config = Watch::config_for_tests();
+    if (!dim) config.blobs.dim_threshold = 0;
+    Watch w(config);
+    const Pose X_NB = Watch::sway(kFrame);
+    w.picture.clear();
+    for (int i = 0; i < w.rig.leds.size(); ++i) {
+      const auto uv = project_led(w.rig.camera, X_NB, w.rig.leds.p_BL(i));
+      ASSERT_TRUE(uv);
+      w.picture.add(*uv, w.rig.leds.color(i), i < 3 ? 700 : 52);
+    }
+    ASSERT_TRUE(w.fuse(kFrame));
+    EXPECT_EQ(w.report.tracked, dim) << w.report.why_not;
+    if (!w.report.tracked) continue;
+    EXPECT_LT(w.position_error(), 0.02);
+    EXPECT_LT(w.rotation_error_deg(), 3);
+  }
+}
+
 // Bit for bit the same picture again and again is a camera that has stopped.
 TEST(RelativeEstimator, ACameraThatRepeatsItsPictureSeesNothing) {
   RelativeEstimatorConfig config = Watch::config_for_tests();

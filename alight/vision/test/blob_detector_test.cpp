@@ -241,6 +241,22 @@ TEST(BlobDetector, StandsAPictureFullOfNoise) {
   EXPECT_EQ(grid.error().fault, Fault::degenerate);
 }
 
+TEST(BlobDetector, DimLightsAreFoundWhenTheyAreLookedFor) {
+  auto detector = make_detector();
+  Picture picture;
+  for (const int u : {100, 200, 300}) {
+    for (int c = 0; c < 3; ++c) {
+      picture.bytes[static_cast<std::size_t>((50 * 848 + u) * 3 + c)] = 45;
+    }
+  }
+  const auto count = [&](BlobDetector::LookFor what) {
+    return detector.detect(picture.view(), {}, {}, what)->size();
+  };
+  EXPECT_EQ(count(BlobDetector::LookFor::bright), 0u);
+  EXPECT_EQ(count(BlobDetector::LookFor::dim), 3u);
+  EXPECT_EQ(count(BlobDetector::LookFor::bright), 0u);
+}
+
 TEST(BlobDetectorConfig, NamesTheFieldAndItsBounds) {
   BlobDetectorConfig config;
   config.grey_threshold = 300;
