@@ -392,7 +392,8 @@ void LandingSystem::step(const Input& input, Output& out, Probe* probe) {
     in.position_sd_m =
         std::sqrt(out.trace.predicted_cov.diagonal().head<3>().maxCoeff());
   }
-  p.sight.frozen(p.estimator.camera_frozen());
+  in.picture_repeats = p.estimator.picture_repeats();
+  p.sight.frozen(in.picture_repeats);
   in.blindness = p.sight.why(input.now);
   if (in.blindness == Blindness::leds && !in.platform_ready) {
     in.blindness = Blindness::odometry;

@@ -27,8 +27,18 @@ constexpr Seconds kStopIn = 0.4;
 // long it takes from 3 cm and 0.3 m/s upwards, s.
 constexpr double kComingDown = 0.75;
 constexpr Seconds kComingDownFor = 0.45;
+// Of the nominal hover thrust: it moves even a drone that is a fifth heavier than the
+// rig says, and pictures that show nothing of that show the past.
+constexpr double kMovesIt = 1.25;
 // The platform drives on for so long, s, away from a drone that lands by itself.
 constexpr Seconds kOutOfTheWay = 3;
+// How an autopilot that is left alone comes to rest over the ground (PX4:
+// MPC_XY_VEL_P_ACC of 1.8/s), s, and how it comes down: after so long, s, at its
+// landing speed, m/s.
+constexpr Seconds kBrakes = 0.55;
+constexpr Seconds kSinksAfter = 0.2;
+constexpr double kSinks = 0.6;
+constexpr double kUnsure = 0.05;  // m, of where it comes down
 // Unseen for so long, s, the drone may be elsewhere than predicted.
 constexpr Seconds kStillKnown = 1;
 // How long a refused drone that is armed all the same is told to disarm, s.
@@ -45,6 +55,8 @@ constexpr double kFootSpread = 0.7;    // of the feet from the middle, of the ar
 constexpr Seconds kControlAhead = 0.25;
 // Error of speed counts for as long as the rest of a landing takes from the commit on.
 constexpr Seconds kMissAhead = 0.25;
+// m above gear height: enough to stop sinking in.
+constexpr double kRoomToLeave = 0.03;
 
 // m from the reference: something has thrown it off its way, and what is asked for from
 // there on must be flyable from where it is. It brakes within the other.
@@ -101,6 +113,8 @@ Mission::Mission(const MissionConfig& config, const Rig& rig)
       gear_height_(rig.drone.gear_height_m),
       arm_(rig.drone.arm_m),
       pad_half_(0.5 * rig.pad.size_m),
+      reach_(std::sqrt(0.5) * rig.pad.size_m + rig.drone.arm_m +
+             rig.drone.propeller_radius_m),
       from_lens_(level_from_lens(rig)),
       speed_max_(rig.limits.speed_m_s),
       unseen_lifting_(1e-3 * rig.timing.frame_to_use_ms + 2.5 / rig.timing.rate_hz),
@@ -182,8 +196,10 @@ void Mission::move_to(const Vector3& p_NB, double speed, const MissionInput& in)
     from.p_NB = in.x.p_NB;
     from.v_NB = in.x.v_NB;
     from.yaw = yaw_of(in.x.R_NB);
+    const double room = std::clamp(from.p_NB.z() - gear_height_, 0.03, kBrakeWithin);
+    const double within = from.v_NB.z() < 0 ? room : kBrakeWithin;
     const double brake =
-        std::min(in.x.v_NB.squaredNorm() / (2 * kBrakeWithin), kHardestBrake);
+        std::min(in.x.v_NB.squaredNorm() / (2 * within), kHardestBrake);
     limits.acceleration_m_s2 = std::max(limits.acceleration_m_s2, brake);
   }
   maneuver_ = Maneuver::move(PointToPoint(in.now, from, p_NB, 0, limits));
@@ -405,24 +421,51 @@ MissionCommand Mission::step(const MissionInput& in, Output& out) {
     default:
       break;
   }
+  c.platform_speed_wish = platform_wish(in);
+  c.on_ground = !airborne_;
+  out.mission = status_;
+  return c;
+}
+
+double Mission::platform_wish(const MissionInput& in) {
   // A platform that can wait does so until it can be followed.
-  const bool on_its_way = status_.state == MissionState::idle ||
-                          status_.state == MissionState::armed ||
-                          status_.state == MissionState::taken_off;
-  // Where the autopilot brings it down by itself, the platform is first to get out of
-  // the way, then not to come round again.
-  const bool left_alone = status_.state == MissionState::lost_link ||
-                          (status_.state == MissionState::aborted && left_);
+  const MissionState state = status_.state;
+  const bool on_its_way = state == MissionState::idle || state == MissionState::armed ||
+                          state == MissionState::taken_off;
+  // Where others bring it down, the platform is first to get out of the way, then not
+  // to come round again.
+  const bool left_alone = state == MissionState::lost_link ||
+                          state == MissionState::pilot ||
+                          (state == MissionState::aborted && left_);
   if (flying() && !left_alone) waits_for_it_ = false;
   if (!left_alone) left_alone_since_ = in.now;
   if (airborne_ && to_seconds(in.now - left_alone_since_) > kOutOfTheWay) {
     waits_for_it_ = true;
   }
-  c.platform_speed_wish =
-      (config_.start_on_floor && on_its_way) || waits_for_it_ ? 0 : 1;
-  c.on_ground = !airborne_;
-  out.mission = status_;
-  return c;
+  // Where there is no way out any more, they had better meet gently.
+  const bool up = state != MissionState::idle && state != MissionState::armed &&
+                  state != MissionState::complete;
+  const bool alone = up && in.telemetry_heard && in.armed &&
+                     (!in.link->healthy(in.now) || in.mode == AutopilotMode::failsafe ||
+                      in.mode == AutopilotMode::land || in.mode == AutopilotMode::hold);
+  if (alone && !alone_) {
+    alone_since_ = in.now;
+    beneath_ = would_meet(in);
+  }
+  alone_ = alone;
+  if ((config_.start_on_floor && on_its_way) || waits_for_it_) return 0;
+  if (!alone || !beneath_) return 1;
+  return std::exp(-to_seconds(in.now - alone_since_) / kBrakes);
+}
+
+bool Mission::would_meet(const MissionInput& in) const {
+  if (!in.estimate_valid) return false;
+  const RelativeState& x = in.x;
+  const Seconds down = kSinksAfter + std::max(0.0, x.p_NB.z() - gear_height_) / kSinks;
+  const Vector3 v_IB_N = inertial_velocity_N(in.platform, x.p_NB, x.v_NB);
+  const Vector3 where = x.p_NB + kBrakes * (1 - std::exp(-down / kBrakes)) * v_IB_N -
+                        down * in.platform.v_IN_N;
+  return horizontal(where) < reach_ + kUnsure;
 }
 
 // An order may be lost on its way. Later whoever arms has a reason for it.
@@ -543,7 +586,9 @@ void Mission::taken_off(const MissionInput& in, Command& c, Output& out) {
       config_.start_on_floor ? config_.blind_max_s : config_.ramp_timeout_s;
   // Unseen, it would climb and climb. It may be off the ground by a few centimetres:
   // with less thrust than carries it, it comes down softly.
-  if (!config_.start_on_floor && !coming_down_ && unseen(in) > unseen_lifting_) {
+  const bool stale =
+      unseen(in) > unseen_lifting_ || (in.picture_repeats && c.ramp_share > kMovesIt);
+  if (!config_.start_on_floor && !coming_down_ && stale) {
     coming_down_ = true;
     coming_down_since_ = in.now;
   }
@@ -853,7 +898,10 @@ void Mission::land(const MissionInput& in, Command& c, Output& out) {
     }
     return;
   }
-  if (in_sight(in) && in.x.p_NB.head<2>().cwiseAbs().maxCoeff() > pad_half_) {
+  // A pad that starts or stops beneath it is left, as long as there is room to.
+  const bool room = in.x.p_NB.z() > gear_height_ + kRoomToLeave;
+  const Vector3 soon = in.x.p_NB + (room ? kMissAhead : 0) * in.x.v_NB;
+  if (in_sight(in) && soon.head<2>().cwiseAbs().maxCoeff() > pad_half_) {
     go(MissionState::go_around, "the pad is not beneath it", in, out);
   } else if (maneuver_.past_end(in.now) > config_.landing_overtime_s) {
     go(MissionState::go_around, "no touch-down where the pad should be", in, out);
@@ -921,15 +969,20 @@ void Mission::lost_target(const MissionInput& in, Output& out) {
     go(MissionState::go_around, "the LEDs are in sight again", in, out);
     return;
   }
-  if (in.blindness != blindness_ && to_seconds(in.now - told_) > kNotesApart) {
-    blindness_ = in.blindness;
+  // What the computer missed while it stood still stays its fault.
+  const Blindness why =
+      blindness_ == Blindness::computer && in.blindness == Blindness::leds
+          ? blindness_
+          : in.blindness;
+  if (why != blindness_ && to_seconds(in.now - told_) > kNotesApart) {
+    blindness_ = why;
     note(words_for(blindness_).lost, in, out);
   }
   // Pictures that come late still say where it was, if not whether it may land.
   const bool known = unseen(in) < kStillKnown;
   if (in_state(in) > (known ? config_.give_up_late_s : config_.give_up_s) ||
       !in.estimate_valid) {
-    go(MissionState::aborted, words_for(in.blindness).given_up, in, out);
+    go(MissionState::aborted, words_for(why).given_up, in, out);
   }
 }
 

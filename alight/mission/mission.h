@@ -26,6 +26,7 @@ struct MissionInput {
   Time seen = 0;                ///< When that was captured.
   double position_sd_m = 0;     ///< Of x, as far as it is known, along the worst axis.
   Blindness blindness = Blindness::leds;  ///< Why nothing newer is seen.
+  bool picture_repeats = false;           ///< It equals the one before to the last bit.
   bool computer_was_late = false;         ///< The brain was not run for a while.
   PlatformState platform;                 ///< At now.
   /// Specific force in N that keeps the drone at rest over the pad's middle, as
@@ -93,6 +94,11 @@ class Mission {
   bool pilot_flies(const MissionInput& in) const;
   bool watch_battery(const MissionInput& in, Output& out);
   void stop_over_ground(const MissionInput& in);
+  /// What the platform is wished to do about a drone that its autopilot or its pilot
+  /// flies.
+  double platform_wish(const MissionInput& in);
+  /// The drone would come down on the platform, drove that on.
+  bool would_meet(const MissionInput& in) const;
   bool may_be_left(const MissionInput& in);
   Seconds in_state(const MissionInput& in) const;
 
@@ -120,6 +126,7 @@ class Mission {
   double gear_height_;
   double arm_;
   double pad_half_;
+  double reach_;  // level, of drone and pad together, m
   Vector3 from_lens_;
   double speed_max_;        // the drone's, m/s
   Seconds unseen_lifting_;  // at take-off: two pictures are missing
@@ -149,6 +156,9 @@ class Mission {
   bool left_ = false;          // aborted: the autopilot has been told to land
   bool waits_for_it_ = false;  // the platform, for a drone that lands by itself
   Time left_alone_since_ = 0;
+  bool alone_ = false;    // the autopilot or the pilot flies, or soon does:
+  bool beneath_ = false;  // they would meet, and the platform brakes as the drone does
+  Time alone_since_ = 0;
   Time settled_since_ = 0;
   bool settling_ = false;
   Time last_order_ = 0;

@@ -12,6 +12,9 @@ constexpr double kUsualMemory = 20;   // fits
 // Unseen for so long, be it that no picture came, the drone may not be where the
 // prediction has it.
 constexpr Seconds kLongUnseen = 0.15;
+// So many pictures in a row, each another than the one before: the camera has noise, or
+// what it sees moves. More than a drone that was put down takes to come to rest.
+constexpr int kNoisyPictures = 30;
 
 Covariance9 covariance_of(const PoseFit& fit, double velocity_sd) {
   Covariance9 cov = Covariance9::Zero();
@@ -151,9 +154,15 @@ bool RelativeEstimator::fuse(const CameraFrame& frame, const MotionSource& motio
   }
   last_frame_ = frame.captured;
 
-  frozen_ = config_.frozen_pictures > 0 &&
-            repeat_.look(frame.color) >= config_.frozen_pictures && !expecting_ &&
-            !on_floor_;
+  if (config_.frozen_pictures > 0) {
+    const int alike = repeat_.look(frame.color);
+    unlike_ = alike > 1 ? 0 : unlike_ + 1;
+    noisy_ = noisy_ || unlike_ >= kNoisyPictures;
+    repeats_ = alike >= config_.frozen_pictures;
+  }
+  // A camera without noise sees the same again and again while nothing moves.
+  const bool flies = !expecting_ && !on_floor_;
+  frozen_ = repeats_ && (flies || noisy_);
   if (frozen_) {
     ++misses_;
     out.why_not = "the camera repeats its picture";
@@ -202,7 +211,9 @@ bool RelativeEstimator::follow(const CameraFrame& frame, FrameReport& out,
   if (config_.tell_apart) blur = image_motion(X_NB);
   // Out of sight for a while, the prediction is vague enough for any lamp or two to
   // pass for LEDs.
-  const bool missed = misses_ >= config_.misses_before_search ||
+  // So it is while its speed is hardly known, just after it was found again.
+  found_again_ = found_again_ && filter_.velocity_sd() > config_.known_sd_m_s;
+  const bool missed = misses_ >= config_.misses_before_search || found_again_ ||
                       to_seconds(frame.captured - last_sight_) > kLongUnseen;
   const auto needed = static_cast<std::size_t>(missed ? config_.leds_after_misses : 0);
   if (config_.tell_apart && misses_ == 0 && !missed) {
@@ -402,6 +413,7 @@ void RelativeEstimator::search(const CameraFrame& frame, const MotionSource& mot
   RelativeState x;
   x.p_NB = found->fit.X_NB.translation();
   x.R_NB = found->fit.X_NB.linear();
+  found_again_ = filter_.initialized();
   double velocity_sd = 1.5;
   Vector3 d_N = Vector3::Zero(), b_N = Vector3::Zero();
   if (filter_.initialized() &&
@@ -466,6 +478,8 @@ bool RelativeEstimator::believable(const FoundLeds& found, Time t) {
   if (near(filter_.state().X_NB(), found.fit.X_NB,
            config_.search_gate_m + config_.search_drift_m_s * unseen,
            config_.search_turn_deg * kDegree)) {
+    // Among many lamps four lie by chance as four LEDs may.
+    if (found.frame.led_count() < config_.search_leds) return confirmed(found.fit.X_NB);
     confirmations_ = 0;
     return true;
   }

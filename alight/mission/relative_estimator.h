@@ -37,11 +37,13 @@ struct RelativeEstimatorConfig {
   double rest_led_sd_m = 0.0008;  ///< How well LEDs are known then.
   double prediction_step_ms = 5;  ///< Inputs are held this long.
   int frozen_pictures = 0;        ///< So many alike to the last bit in a row are those
-                                  ///< of a camera that has stopped: no sight, while
-                                  ///< the drone flies. 0: not looked at.
+                                  ///< of a camera that has stopped: no sight, where
+                                  ///< the drone flies or pictures have differed while
+                                  ///< it stood. 0: not looked at.
   // Fewer than three LEDs do for a pose that is known this well (sd) with them:
   double known_sd_m = 0.05;
   double known_sd_deg = 7;
+  double known_sd_m_s = 0.2;        ///< Speed is known, after the LEDs were lost.
   int misses_before_search = 3;     ///< Frames without a match before the whole picture
                                     ///< is searched,
   int leds_after_misses = 4;        ///< and LEDs needed to be taken up again from then,
@@ -91,7 +93,9 @@ class RelativeEstimator {
   /// Capture time of the last picture that was tracked; only when initialized.
   Time last_sight() const { return last_sight_; }
   const RelativeFilter& filter() const { return filter_; }
-  /// The last picture repeated those before to the last bit.
+  /// The last picture repeated those before to the last bit,
+  bool picture_repeats() const { return repeats_; }
+  /// as those of a camera that still looks would not.
   bool camera_frozen() const { return frozen_; }
 
   /// State carried to `t` (any time at or after the last picture), inputs by `motion`.
@@ -167,11 +171,14 @@ class RelativeEstimator {
   // the rig says misfit by more pixels the nearer they are. 0: not known.
   double usual_misfit_ = 0, misfit_least_ = 0;
   PictureRepeat repeat_;
-  bool frozen_ = false;  // the last picture repeated those before
+  bool repeats_ = false, frozen_ = false;  // the last picture
+  int unlike_ = 0;                         // in a row
+  bool noisy_ = false;                     // pictures of what stands differ
   Time last_frame_ = INT64_MIN;
   Time last_sight_ = 0;
   int misses_ = 0;
-  int confirmations_ = 0;  // of the answer that contradicts the prediction
+  bool found_again_ = false;  // by a search, and its speed is not known yet
+  int confirmations_ = 0;     // of the answer that contradicts the prediction
   Pose X_NB_contrary_ = Pose::Identity();
   bool on_floor_ = false;
   bool expecting_ = false;

@@ -15,6 +15,7 @@ constexpr double kTouchThrust =
 constexpr double kTouchSpeed = 0.15;  // m/s
 constexpr double kTouchTime = 0.3;    // s
 constexpr double kThrustMin = 0.04;   // share, in flight
+constexpr double kHeightP = 1;        // 1/s, where it holds its height (MPC_Z_P)
 
 /// Attitude with its z axis along `z_I` (not zero) and heading `yaw`.
 Matrix3 attitude_for(const Vector3& z_I, double yaw) {
@@ -104,6 +105,7 @@ void Autopilot::choose_mode(Time now) {
     still_for_ = 0;
     land_v_ = belief_.v_I().z();
     land_a_ = 0;
+    height_off_ = 0;
     on_ground_ = thrust_felt_ < kTouchThrust * hover_share_;
   }
   integral_.setZero();
@@ -137,8 +139,9 @@ RotorShares Autopilot::step(const Sensed& sensed, Time now, Seconds dt) {
       return without_setpoints(now, dt);
     case AutopilotMode::hold:
       if (on_ground_) break;
-      return follow_velocity(Vector3::Zero(), Vector3::Zero(), alone_yaw_,
-                             !belief_.velocity_valid(now), dt);
+      height_off_ += sensed.climb * dt;
+      return follow_velocity(Vector3(0, 0, -kHeightP * height_off_), Vector3::Zero(),
+                             alone_yaw_, !belief_.velocity_valid(now), dt);
     case AutopilotMode::manual:
       break;
   }

@@ -23,8 +23,8 @@ struct AutopilotConfig {
   double velocity_d = 0.2;
   double velocity_p_z = 4;
   double velocity_i_z = 2;
-  double tilt_max_deg = 35;     ///< In velocity and landing modes.
-  double land_speed_m_s = 0.6;  ///< MPC_LAND_SPEED, 0.7 unless set (docs/faults.md)
+  double tilt_max_deg = 35;      ///< In velocity and landing modes.
+  double land_speed_m_s = 0.55;  ///< MPC_LAND_SPEED, 0.7 unless set (docs/faults.md)
   double descend_speed_m_s = 0.5;
   double land_jerk_m_s3 = 4;          ///< MPC_JERK_AUTO: the sink speed it asks for
   double land_acceleration_m_s2 = 3;  ///< changes smoothly; MPC_ACC_DOWN_MAX.
@@ -110,9 +110,10 @@ class Autopilot {
   double thrust_ = 0;                   ///< Last collective, share.
   double thrust_felt_ = 0;              ///< The same behind the motors' lag.
   double motor_tau_;
-  double alone_yaw_ = 0;  ///< Kept while no set-points are followed.
-  double land_v_ = 0;     ///< Climb speed asked for while it lands, m/s,
-  double land_a_ = 0;     ///< and its rate of change.
+  double alone_yaw_ = 0;   ///< Kept while no set-points are followed.
+  double height_off_ = 0;  ///< From where it holds its place, m.
+  double land_v_ = 0;      ///< Climb speed asked for while it lands, m/s,
+  double land_a_ = 0;      ///< and its rate of change.
   Seconds still_for_ = 0;
   Sensed sensed_;
 };

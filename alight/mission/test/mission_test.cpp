@@ -36,6 +36,7 @@ class Flight {
   double platform_speed = 0.9;  ///< m/s
   Blindness blindness = Blindness::leds;
   bool computer_was_late = false;
+  bool picture_repeats = false;
   double position_sd_m = 0.02;
   AutopilotMode mode = AutopilotMode::offboard;
   Vector3 off = Vector3::Zero();           ///< From the reference, where it flies.
@@ -90,6 +91,7 @@ class Flight {
     in.seen = seen_;
     in.blindness = blindness;
     in.computer_was_late = computer_was_late;
+    in.picture_repeats = picture_repeats;
     in.position_sd_m = position_sd_m;
     in.platform.v_IN_N = Vector3(platform_speed, 0, 0);
     PlanArrival arrival;
@@ -1112,6 +1114,133 @@ TEST(Mission, UnseenItIsNotThoughtToHaveLifted) {
   ASSERT_TRUE(f.until(State::refused, 10));
   EXPECT_EQ(f.reason(), "the LEDs are not seen on the pad");
   EXPECT_FALSE(f.mission().flying());
+}
+
+TEST(Mission, ADroneThatIsNoLongerSeenAsItLiftsComesDownSoftly) {
+  for (const double lost_at : {0.8, 0.95, 1.0, 1.1, 1.2}) {
+    SCOPED_TRACE(lost_at);
+    Flight f;
+    f.lifts = false;  // as far as is seen
+    ASSERT_TRUE(f.reach(State::taken_off));
+    while (f.c.ramp_share < lost_at) f.step();
+    f.sight = false;
+    const Time lost = f.now();
+    // Two pictures are missing: less than carries it, and for long enough to come down.
+    while (f.c.ramp_share > 0.75 && f.state() == State::taken_off) f.step();
+    EXPECT_LT(to_seconds(f.now() - lost), 0.12);
+    const Time down = f.now();
+    while (f.state() == State::taken_off) {
+      EXPECT_EQ(f.c.mode, MissionCommand::Mode::ramp);
+      EXPECT_LE(f.c.ramp_share, 0.75);
+      EXPECT_GT(f.c.ramp_share, 0.5) << "it falls";
+      EXPECT_EQ(f.orders_disarm, 0);
+      f.step();
+    }
+    EXPECT_GT(to_seconds(f.now() - down), 0.4);
+    EXPECT_EQ(f.orders_disarm, 1);
+    // Seen again it starts anew.
+    f.sight = f.lifts = true;
+    EXPECT_TRUE(f.until(State::follow, 20));
+  }
+}
+
+TEST(Mission, ThrustThatMovesItAndPicturesThatDoNotChangeEndTheStart) {
+  Flight f;
+  f.lifts = false;
+  f.picture_repeats = true;
+  f.blindness = Blindness::frozen;
+  ASSERT_TRUE(f.reach(State::taken_off));
+  double most = 0;
+  while (f.state() == State::taken_off) {
+    f.step();
+    most = std::max(most, f.c.ramp_share);
+  }
+  EXPECT_LT(most, 1.27);
+  EXPECT_GT(most, 1.2) << "a heavy drone under a camera without noise still starts";
+  EXPECT_EQ(f.reason(), "the camera repeats its picture");
+  // The same without an end: it is refused, and stands disarmed.
+  ASSERT_TRUE(f.until(State::refused, 60));
+  f.run(2);
+  EXPECT_FALSE(f.armed());
+}
+
+/// The platform's wish, step by step, from when the link goes at a height of `z` above
+/// the pad's middle.
+std::vector<double> wishes_without_link(double z, double speed, Seconds silent_s) {
+  Flight f;
+  EXPECT_TRUE(bring(f, State::land));
+  f.platform_speed = speed;
+  f.x().p_NB = Vector3(0, 0, z);
+  f.off = f.x().p_NB - f.mission().maneuver().at(f.now() + kStep).p_NB;
+  f.link_up = false;
+  std::vector<double> wishes;
+  for (const Time end = f.now() + from_seconds(silent_s); f.now() < end;) {
+    f.x().p_NB = Vector3(0, 0, z);
+    f.x().v_NB.setZero();
+    f.step();
+    wishes.push_back(f.c.platform_speed_wish);
+  }
+  f.link_up = true;
+  f.run(0.3);
+  wishes.push_back(f.c.platform_speed_wish);
+  return wishes;
+}
+
+TEST(Mission, LowOverThePadThePlatformBrakesAsTheSilentDroneDoes) {
+  for (const double speed : {0.3, 0.9, 2.0}) {
+    SCOPED_TRACE(speed);
+    const auto wishes = wishes_without_link(0.1, speed, 2.5);
+    double before = 1;
+    for (std::size_t i = 0; i + 1 < wishes.size(); ++i) {
+      EXPECT_LE(wishes[i], before);
+      before = wishes[i];
+      // Nothing for a gap that a healthy link may have, and then as PX4 brakes.
+      const Seconds silent = 0.01 * static_cast<double>(i + 1);
+      const double as_it_brakes = std::exp(-(silent - 0.2) / 0.55);
+      EXPECT_NEAR(wishes[i], silent < 0.2 ? 1 : as_it_brakes, 0.03);
+    }
+    EXPECT_LT(before, 0.02);
+    EXPECT_EQ(wishes.back(), 1) << "the link is back";
+  }
+}
+
+TEST(Mission, FromBeneathADroneThatIsHighItDrivesOn) {
+  for (const double speed : {0.9, 2.0}) {
+    for (const double wish : wishes_without_link(0.9, speed, 2.5)) EXPECT_EQ(wish, 1);
+  }
+  // A slow one does not get away in time.
+  const auto slow = wishes_without_link(0.9, 0.1, 2.5);
+  EXPECT_LT(slow[slow.size() - 2], 0.05);
+}
+
+TEST(Mission, APilotWhoTakesOverLowOverThePadIsNotRunInto) {
+  Flight f;
+  ASSERT_TRUE(f.reach(State::land));
+  ASSERT_TRUE(f.until_below(0.2));
+  f.mode = AutopilotMode::hold;
+  f.run(0.5);
+  ASSERT_EQ(f.state(), State::pilot);
+  EXPECT_LT(f.c.platform_speed_wish, 0.5);
+  f.run(4);
+  EXPECT_EQ(f.c.platform_speed_wish, 0) << "nor does it come round";
+  f.mode = AutopilotMode::offboard;
+  f.run(0.1);
+  EXPECT_EQ(f.c.platform_speed_wish, 1);
+}
+
+TEST(Mission, LedsLostWhileTheComputerStoodStillStayItsFault) {
+  Flight f;
+  ASSERT_TRUE(bring(f, State::follow));
+  f.sight = false;
+  f.computer_was_late = true;
+  f.blindness = Blindness::computer;
+  ASSERT_TRUE(f.until(State::lost_target, 2));
+  f.run(1);
+  f.computer_was_late = false;
+  f.blindness = Blindness::leds;
+  ASSERT_TRUE(f.until(State::aborted, 4));
+  EXPECT_EQ(f.reason(),
+            "the computer stood still, the LEDs are lost: the autopilot lands");
 }
 
 TEST(Mission, FromTheFloorTheClimbIsBlindAndEndsInSight) {

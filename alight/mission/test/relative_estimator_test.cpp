@@ -55,6 +55,10 @@ class Picture {
     }
   }
 
+  void dot(int u, int v, std::uint8_t value) {
+    bytes_[static_cast<std::size_t>((v * width_ + u) * 3)] = value;
+  }
+
   ImageView view() const {
     return {bytes_.data(), width_, height_, 3, static_cast<std::ptrdiff_t>(width_) * 3};
   }
@@ -407,7 +411,8 @@ TEST(RelativeEstimator, AfterMissesTooFewLedsAreNotFused) {
 
 /// A drone at rest, and a rig that is not as it was written down.
 struct AtRest : Watch {
-  explicit AtRest(unsigned seed) : Watch(config(), alan_rig()) {
+  explicit AtRest(unsigned seed, const RelativeEstimatorConfig& c = config())
+      : Watch(c, alan_rig()) {
     Rng rng(seed);
     for (Led& led : truth.leds.leds) {
       led.p_BL += 0.002 * Vector3(rng.normal(), rng.normal(), rng.normal());
@@ -440,6 +445,97 @@ struct AtRest : Watch {
   Pose X_NB_rest;
   Matrix6 cov = Matrix6::Zero();
 };
+
+TEST(RelativeEstimator, AtRestARepeatedPictureIsOneOnlyOfACameraThatHasNoise) {
+  RelativeEstimatorConfig config = AtRest::config();
+  config.frozen_pictures = 2;
+  for (const bool noise : {false, true}) {
+    SCOPED_TRACE(noise);
+    AtRest w(3, config);
+    w.expect();
+    w.draw(w.X_NB_rest);
+    for (int i = 0; i < 60; ++i) {
+      // One pixel far from the LEDs, in a row that is compared.
+      if (noise) w.picture.dot(20, 16, static_cast<std::uint8_t>(5 + i % 7));
+      w.now += kFrame;
+      w.fuse(w.now);
+      if (i >= config.search_confirmations) {
+        EXPECT_TRUE(w.report.tracked) << i << ": " << w.report.why_not;
+      }
+    }
+    EXPECT_EQ(w.estimator.picture_repeats(), !noise);
+    for (int i = 0; i < 10; ++i) {
+      w.again();
+      EXPECT_EQ(w.report.tracked, !noise) << i;
+      EXPECT_EQ(w.estimator.camera_frozen(), noise);
+      EXPECT_TRUE(w.estimator.picture_repeats());
+    }
+    w.picture.dot(20, 16, 90);
+    w.now += kFrame;
+    w.fuse(w.now);
+    EXPECT_TRUE(w.report.tracked) << "it looks again";
+  }
+}
+
+/// Knows what moved the drone for a while only, as DroneResponse does, and complains
+/// when asked for earlier.
+struct ShortMemory final : MotionSource {
+  static constexpr Time kMemory = 600'000'000;
+  Time now = 0;
+  PredictionInput at(Time t, const RelativeState&) const override {
+    EXPECT_GE(t, now - kMemory);
+    PredictionInput input;
+    input.platform.t = t;
+    input.f_N = Vector3(0.3 * std::sin(5 * to_seconds(t)), 0.2, kGravity);
+    return input;
+  }
+};
+
+TEST(RelativeEstimator, WithoutPicturesThePredictionIsCarriedOnWhileItIsKnownHow) {
+  Watch w, v;
+  w.follow(60);
+  v.follow(60);
+  ShortMemory motion;
+  motion.now = w.now;
+  const Time seen = w.now;
+  // What it comes to when all is remembered.
+  ShortMemory all;
+  all.now = 0;
+  while (motion.now < seen + from_seconds(3)) {
+    motion.now += 10'000'000;
+    w.estimator.advance(motion.now - from_seconds(0.5), motion);
+    Covariance9 cov = Covariance9::Zero(), cov_other = Covariance9::Zero();
+    const RelativeState x = w.estimator.carried_to(motion.now, motion, &cov).x;
+    const RelativeState y = v.estimator.carried_to(motion.now, all, &cov_other).x;
+    EXPECT_LT((x.p_NB - y.p_NB).norm(), 0.01);
+    EXPECT_LT((x.v_NB - y.v_NB).norm(), 0.01);
+    // The noise is added up in other steps.
+    const double sd = std::sqrt(cov_other.trace());
+    EXPECT_NEAR(std::sqrt(cov.trace()), sd, 0.2 * sd);
+  }
+  EXPECT_EQ(w.estimator.last_sight(), seen) << "that is no sight";
+}
+
+TEST(RelativeEstimator, FourLampsWhereItMayHaveComeToMustRepeatThemselves) {
+  const auto config = Watch::config_for_tests();
+  ASSERT_EQ(config.search_leds, 5);
+  const unsigned four = 0x2d;
+  int pictures = 0;
+  Watch w;
+  w.follow(60);
+  w.picture.clear();
+  for (int i = 0; i < 40; ++i) w.fuse(w.now += kFrame);
+  for (bool taken = false; !taken && pictures < 20; ++pictures) {
+    w.now += kFrame;
+    Pose X_NB = Watch::sway(w.now);
+    X_NB.translation().y() += 0.3;
+    w.draw(X_NB, four);
+    w.fuse(w.now);
+    taken = w.report.tracked;
+  }
+  EXPECT_GE(pictures, config.search_confirmations);
+  EXPECT_LT(pictures, 20);
+}
 
 double shape_error(const Constellation& a, const Constellation& b) {
   double sum = 0;
