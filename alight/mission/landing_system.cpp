@@ -387,6 +387,10 @@ void LandingSystem::step(const Input& input, Output& out, Probe* probe) {
   in.estimate_valid = out.trace.estimate_valid;
   in.x = state.x;
   in.x_seen = p.x_seen;
+  const Seconds acts =
+      to_seconds(p.link.delay()) +
+      1e-3 * (p.config.response.thrust_delay_ms + p.config.response.motor_ms);
+  in.z_acted = state.x.p_NB.z() + acts * state.x.v_NB.z();
   in.seen = p.estimator.last_sight();
   if (in.estimate_valid) {
     in.position_sd_m =
@@ -400,8 +404,7 @@ void LandingSystem::step(const Input& input, Output& out, Probe* probe) {
   }
   in.computer_was_late = p.sight.computer_was_late(input.now);
   in.platform = out.trace.platform;
-  const PlatformState touch =
-      p.platform.at(input.now + from_seconds(Mission::kTouchAhead));
+  const PlatformState touch = p.platform.at(input.now + from_seconds(kTouchAhead));
   FlatState over_pad;
   over_pad.p_NB.z() = p.rig.drone.gear_height_m;
   in.f_touch_N = wished_force_N(touch, over_pad, state.disturbance_N(),

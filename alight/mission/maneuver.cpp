@@ -68,7 +68,7 @@ FlatState Maneuver::at(Time t) const {
     state.j_NB.setZero();
     if (sink <= -sink_m_) state.v_NB.setZero();
   }
-  flare_.add_to(state, trajectory_.duration() - s);
+  flare_.add_to(state, trajectory_.duration() + flare_delay_ - s);
   // d/dt of p(s(t)).
   const double rate = pace.rate, slope = pace.slope;
   state.j_NB = rate * rate * rate * state.j_NB + 3 * rate * slope * state.a_NB;

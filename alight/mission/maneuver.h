@@ -27,6 +27,9 @@ class Maneuver {
   FlatState end() const { return trajectory_.at(trajectory_.duration()); }
   /// Of a landing: how it ends. @pre `past_end` is at most minus the flare's duration.
   void end_with(const Flare& flare) { flare_ = flare; }
+  /// Of a landing: the flare comes so much later than the end of the trajectory, s.
+  void delay_flare(Seconds by) { flare_delay_ = by; }
+  Seconds flare_delay() const { return flare_delay_; }
   /// How far a landing is behind its plan by having been slowed down, s.
   Seconds lag(Time t) const { return to_seconds(t - start_) - pace_.at(t).s; }
 
@@ -44,6 +47,7 @@ class Maneuver {
   Time start_ = 0;
   Pace pace_;
   Flare flare_;
+  Seconds flare_delay_ = 0;
   double sink_m_ = 0;
 };
 

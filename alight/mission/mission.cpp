@@ -9,13 +9,6 @@ namespace alight {
 namespace {
 
 constexpr Seconds kOrderEvery = 0.1;
-// Longer than any gap that a healthy camera and radio leave.
-constexpr Seconds kFreshSight = 0.15;
-// m within touch_settled_s: a third of what a landing sinks in that time.
-constexpr double kStillSinking = 0.005;
-// m above gear height, an LED rig's error; m/s.
-constexpr double kTouchHighest = 0.1;
-constexpr double kStanding = 0.05;
 // A second word about the same thing comes no sooner, s.
 constexpr Seconds kNotesApart = 0.5;
 // m/s over the ground: the autopilot's landing goes on from there without drifting far.
@@ -45,14 +38,7 @@ constexpr Seconds kStillKnown = 1;
 constexpr Seconds kDisarmFor = 1;
 // Without a word from the drone after touch-down its motors are its own, s.
 constexpr Seconds kShutDownUnheard = 3;
-// m from where the feet took the weight: more than the error of a standing drone's
-// pose.
-constexpr double kBounce = 0.03;
-constexpr double kSlide = 0.03;
 constexpr double kStandNoise = 0.001;  // m; a rise that standing drones show
-constexpr double kFootSpread = 0.7;    // of the feet from the middle, of the arm
-// At least so far ahead of now control looks at the reference.
-constexpr Seconds kControlAhead = 0.25;
 // Error of speed counts for as long as the rest of a landing takes from the commit on.
 constexpr Seconds kMissAhead = 0.25;
 // m above gear height: enough to stop sinking in.
@@ -99,12 +85,6 @@ Vector3 level_from_lens(const Rig& rig) {
 
 double horizontal(const Vector3& v) { return v.head<2>().norm(); }
 
-Seconds unseen(const MissionInput& in) { return to_seconds(in.now - in.seen); }
-
-bool in_sight(const MissionInput& in) {
-  return in.estimate_valid && unseen(in) < kFreshSight;
-}
-
 }  // namespace
 
 Mission::Mission(const MissionConfig& config, const Rig& rig)
@@ -118,7 +98,8 @@ Mission::Mission(const MissionConfig& config, const Rig& rig)
       from_lens_(level_from_lens(rig)),
       speed_max_(rig.limits.speed_m_s),
       unseen_lifting_(1e-3 * rig.timing.frame_to_use_ms + 2.5 / rig.timing.rate_hz),
-      tilt_max_(rig.drone.tilt_max_deg * kDegree) {}
+      tilt_max_(rig.drone.tilt_max_deg * kDegree),
+      touch_down_(config, rig) {}
 
 bool Mission::flying() const {
   switch (status_.state) {
@@ -152,7 +133,6 @@ void Mission::go(MissionState to, const char* reason, const MissionInput& in,
   settling_ = false;
   plan_pending_ = false;
   plan_tries_ = 0;
-  low_ = false;
   committed_ = committed_ && to == MissionState::land;
   left_ = false;
   awaits_odometry_ = false;
@@ -734,8 +714,7 @@ void Mission::rendezvous(const MissionInput& in, Output& out) {
       go(MissionState::land, "the landing is planned", in, out);
       maneuver_ = Maneuver::landing(plan.trajectory, plan.start, config_.sink_m);
       committed_ = false;
-      flared_ = false;
-      settling_down_ = false;
+      touch_down_.begin();
       return;
     }
   }
@@ -776,65 +755,6 @@ void Mission::rendezvous(const MissionInput& in, Output& out) {
   request_plan(in, out);
 }
 
-bool Mission::may_touch(const MissionInput& in) const {
-  if (!committed_) return false;
-  // Past the commit height there is no way back: unseen, it trusts the prediction.
-  if (unseen(in) > config_.sight_lost_s) {
-    return maneuver_.past_end(in.now) > config_.blind_sink_s;
-  }
-  const double above = in.x_seen.p_NB.z() - gear_height_;
-  if (maneuver_.at(in.now).p_NB.z() > gear_height_) return false;
-  if (above < config_.touch_height_m) return true;
-  // Pushed down for a while it does not sink: something carries it, and the rig is not
-  // quite what the file says.
-  return maneuver_.past_end(in.now) > config_.blind_sink_s && above < kTouchHighest &&
-         std::abs(in.x.v_NB.z()) < kStanding;
-}
-
-void Mission::watch_touch(const MissionInput& in, Output& out) {
-  if (!in_sight(in)) return;
-  const Vector3 way = in.x_seen.p_NB - p_touch_;
-  if (!bounced_ && way.z() > kBounce) {
-    bounced_ = true;
-    note("it bounced", in, out);
-  }
-  if (!slid_ && horizontal(way) > kSlide) {
-    slid_ = true;
-    note("it slides on the pad", in, out);
-  }
-}
-
-const char* Mission::how_it_stands(const MissionInput& in) const {
-  // The middle between the feet is at the origin of B to within the LED frame's error.
-  const bool inside = in.x_seen.p_NB.head<2>().cwiseAbs().maxCoeff() < pad_half_;
-  if (in_sight(in) && !inside) return "motors stopped, not on the pad";
-  if (slid_) return "motors stopped, after a slide";
-  return bounced_ ? "motors stopped, after a bounce" : "motors stopped";
-}
-
-bool Mission::touched_down(const MissionInput& in) {
-  const double z = in.x_seen.p_NB.z();
-  if (!settling_down_) {
-    if (!may_touch(in)) return false;
-    settling_down_ = true;
-    settle_since_ = in.now;
-    p_touch_ = in.x_seen.p_NB;
-    bounced_ = slid_ = false;
-    low_ = false;
-  }
-  if (unseen(in) > config_.sight_lost_s) {
-    return to_seconds(in.now - settle_since_) >= config_.settle_down_s;
-  }
-  // Still sinking, if slowly: not yet.
-  if (!low_ || z < low_z_ - kStillSinking) {
-    low_ = true;
-    low_since_ = in.now;
-    low_z_ = z;
-  }
-  return to_seconds(in.now - low_since_) >= config_.touch_settled_s ||
-         to_seconds(in.now - settle_since_) >= config_.settle_down_s;
-}
-
 void Mission::land(const MissionInput& in, Command& c, Output& out) {
   if (overruled(in, out)) return;
   const FlatState ref = maneuver_.at(in.now);
@@ -850,18 +770,18 @@ void Mission::land(const MissionInput& in, Command& c, Output& out) {
     abort_told_ = true;
     note("the operator aborted past the commit height: it lands", in, out);
   }
-  if (touched_down(in)) {
+  if (committed_) touch_down_.feel(in, maneuver_);
+  if (touch_down_.stands(in)) {
     go(MissionState::shut_down, "stands on the pad", in, out);
     return;
   }
-  if (settling_down_) {
-    watch_touch(in, out);
+  if (touch_down_.settling()) {
+    if (const char* told = touch_down_.moved(in)) note(told, in, out);
     c.mode = Command::Mode::settle;
-    const double passed = to_seconds(in.now - settle_since_) / config_.settle_down_s;
-    c.ramp_share = config_.settle_share * std::max(0.0, 1 - passed);
+    c.ramp_share = touch_down_.thrust_share(in.now);
     return;
   }
-  flare(in);
+  touch_down_.flare(in, maneuver_);
   if (!committed_) {
     // Where it would touch, off the middle of the pad.
     const double miss = horizontal(error + kMissAhead * (in.x.v_NB - ref.v_NB));
@@ -908,22 +828,6 @@ void Mission::land(const MissionInput& in, Command& c, Output& out) {
   }
 }
 
-void Mission::flare(const MissionInput& in) {
-  const Seconds ahead = config_.flare_s + 0.1 + kControlAhead;
-  if (flared_ || config_.flare_s <= 0 || maneuver_.past_end(in.now) < -ahead) return;
-  flared_ = true;
-  // Upright on the pad, whatever wind and turns would have it lean.
-  Vector3 a_N = -config_.flare_share * in.f_touch_N;
-  a_N.z() = 0;
-  if (const double a = a_N.norm(); a > config_.flare_max_m_s2) {
-    a_N *= config_.flare_max_m_s2 / a;
-  }
-  const double left = horizontal(in.f_touch_N + a_N) / kGravity;
-  const double sink = std::max(-maneuver_.end().v_NB.z(), 0.1);
-  const Seconds early = std::min(kFootSpread * arm_ * left / sink, 0.1);
-  maneuver_.end_with(Flare(a_N, config_.flare_s, early));
-}
-
 void Mission::shut_down(const MissionInput& in, Command& c, Output& out) {
   c.mode = Command::Mode::idle;
   if (pilot_flies(in)) {
@@ -935,7 +839,7 @@ void Mission::shut_down(const MissionInput& in, Command& c, Output& out) {
   if (in.telemetry_heard && !in.armed) {
     airborne_ = false;
     c.mode = Command::Mode::silent;
-    go(MissionState::complete, how_it_stands(in), in, out);
+    go(MissionState::complete, touch_down_.how_it_stands(in), in, out);
     return;
   }
   if (in.link->silence(in.now) > kShutDownUnheard) {
@@ -944,7 +848,7 @@ void Mission::shut_down(const MissionInput& in, Command& c, Output& out) {
        "nothing heard since touch-down: the autopilot stops its motors", in, out);
     return;
   }
-  watch_touch(in, out);
+  if (const char* told = touch_down_.moved(in)) note(told, in, out);
   if (to_seconds(in.now - last_order_) >= kOrderEvery) {
     c.order = AutopilotOrder::disarm;
     last_order_ = in.now;

@@ -1,40 +1,10 @@
 #pragma once
-#include "alight/mission/landing_io.h"
-#include "alight/mission/link_monitor.h"
 #include "alight/mission/maneuver.h"
 #include "alight/mission/mission_config.h"
-#include "alight/mission/sight_watch.h"
+#include "alight/mission/mission_input.h"
+#include "alight/mission/touch_down.h"
 
 namespace alight {
-
-/// What the mission knows when it decides.
-struct MissionInput {
-  Time now = 0;
-  OperatorWish wish = OperatorWish::none;  ///< The newest, since the last step.
-
-  bool telemetry_heard = false;
-  bool armed = false;
-  AutopilotMode mode = AutopilotMode::manual;
-  double battery = 1;
-
-  const LinkMonitor* link = nullptr;
-  bool platform_ready = false;  ///< Odometry is fresh.
-
-  bool estimate_valid = false;  ///< There is a state, if only a predicted one.
-  RelativeState x;              ///< At now.
-  RelativeState x_seen;         ///< At the last picture.
-  Time seen = 0;                ///< When that was captured.
-  double position_sd_m = 0;     ///< Of x, as far as it is known, along the worst axis.
-  Blindness blindness = Blindness::leds;  ///< Why nothing newer is seen.
-  bool picture_repeats = false;           ///< It equals the one before to the last bit.
-  bool computer_was_late = false;         ///< The brain was not run for a while.
-  PlatformState platform;                 ///< At now.
-  /// Specific force in N that keeps the drone at rest over the pad's middle, as
-  /// predicted for Mission::kTouchAhead from now.
-  Vector3 f_touch_N = Vector3(0, 0, kGravity);
-
-  const PlanArrival* plan = nullptr;  ///< Arrived since the last step.
-};
 
 /// What control is asked to do.
 struct MissionCommand {
@@ -60,9 +30,6 @@ struct MissionCommand {
 /// fly; how is control's.
 class Mission {
  public:
-  /// s; how far ahead the touch-down is looked at.
-  static constexpr Seconds kTouchAhead = 0.4;
-
   Mission(const MissionConfig& config, const Rig& rig);
 
   /// @param request  Filled in when a plan is wanted; `has_request` says so.
@@ -113,13 +80,7 @@ class Mission {
   void lost_target(const MissionInput& in, Output& out);
   void lost_link(const MissionInput& in, Command& c, Output& out);
   void aborted(const MissionInput& in, Command& c, Output& out);
-  void flare(const MissionInput& in);
   void pilot(const MissionInput& in, Command& c, Output& out);
-  bool may_touch(const MissionInput& in) const;
-  bool touched_down(const MissionInput& in);
-  /// A bounce or a slide since the feet took the weight, and where it stands.
-  void watch_touch(const MissionInput& in, Output& out);
-  const char* how_it_stands(const MissionInput& in) const;
 
   MissionConfig config_;
   PlatformOutline outline_;
@@ -175,16 +136,8 @@ class Mission {
   Time fast_since_ = 0;
   bool awaits_odometry_ = false;  // hold: ends when there is odometry again
   bool committed_ = false;
-  bool flared_ = false;
   bool abort_told_ = false;
-  // Touch-down.
-  bool low_ = false;
-  Time low_since_ = 0;
-  double low_z_ = 0;
-  bool settling_down_ = false;
-  Vector3 p_touch_ = Vector3::Zero();
-  bool bounced_ = false, slid_ = false;
-  Time settle_since_ = 0;
+  TouchDown touch_down_;
 };
 
 }  // namespace alight

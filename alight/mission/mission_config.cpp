@@ -45,6 +45,7 @@ Result<void> MissionConfig::validate() const {
           {"mission.flare_s", flare_s, 0, 2},
           {"mission.flare_share", flare_share, 0, 1},
           {"mission.flare_max_m_s2", flare_max_m_s2, 0, 10},
+          {"mission.upright_deg", upright_deg, 1, 90},
           {"mission.ramp_from", ramp_from, 0, 1},
           {"mission.ramp_rate", ramp_rate, 0.05, 5},
           {"mission.ramp_to", ramp_to, 1, 2.5},

@@ -60,8 +60,9 @@ struct MissionConfig {
   double settle_down_s = 0.25;    ///< and to nothing in this time.
   double flare_s = 0.8;           ///< The drone stands up last. 0: never;
   double flare_share = 0.7;       ///< by this share of what it leans,
-  double flare_max_m_s2 = 1;      ///< at most: swings as wide as a gust asks for end
+  double flare_max_m_s2 = 1.5;    ///< at most: swings as wide as a gust asks for end
                                   ///< harder than they began.
+  double upright_deg = 6;         ///< Tilted more, it does not stand yet.
   double touch_settled_s = 0.06;  ///< Not sinking for this long: it stands.
   double blind_sink_s = 0.6;  ///< From the trajectory's end to when thrust goes, for a
                               ///< committed drone that is not seen, or that does not

@@ -88,6 +88,7 @@ class Flight {
     in.estimate_valid = ever_seen_;
     in.x = x_;
     in.x_seen = x_seen_;
+    in.z_acted = in.x.p_NB.z() + 0.1 * in.x.v_NB.z();
     in.seen = seen_;
     in.blindness = blindness;
     in.computer_was_late = computer_was_late;

@@ -1,0 +1,52 @@
+#pragma once
+#include "alight/geometry/platform_state.h"
+#include "alight/geometry/relative_state.h"
+#include "alight/mission/landing_io.h"
+#include "alight/mission/link_monitor.h"
+#include "alight/mission/sight_watch.h"
+
+namespace alight {
+
+/// s; how far ahead the touch-down is looked at.
+inline constexpr Seconds kTouchAhead = 0.4;
+/// s; longer than any gap that a healthy camera and radio leave.
+inline constexpr Seconds kFreshSight = 0.15;
+
+/// What the mission knows when it decides.
+struct MissionInput {
+  Time now = 0;
+  OperatorWish wish = OperatorWish::none;  ///< The newest, since the last step.
+
+  bool telemetry_heard = false;
+  bool armed = false;
+  AutopilotMode mode = AutopilotMode::manual;
+  double battery = 1;
+
+  const LinkMonitor* link = nullptr;
+  bool platform_ready = false;  ///< Odometry is fresh.
+
+  bool estimate_valid = false;  ///< There is a state, if only a predicted one.
+  RelativeState x;              ///< At now.
+  RelativeState x_seen;         ///< At the last picture.
+  Time seen = 0;                ///< When that was captured.
+  double z_acted = 0;           ///< Height in N when thrust that is sent now acts, m.
+  double position_sd_m = 0;     ///< Of x, as far as it is known, along the worst axis.
+  Blindness blindness = Blindness::leds;  ///< Why nothing newer is seen.
+  bool picture_repeats = false;           ///< It equals the one before to the last bit.
+  bool computer_was_late = false;         ///< The brain was not run for a while.
+  PlatformState platform;                 ///< At now.
+  /// Specific force in N that keeps the drone at rest over the pad's middle, as
+  /// predicted for kTouchAhead from now.
+  Vector3 f_touch_N = Vector3(0, 0, kGravity);
+
+  const PlanArrival* plan = nullptr;  ///< Arrived since the last step.
+};
+
+/// How long ago the drone was seen.
+inline Seconds unseen(const MissionInput& in) { return to_seconds(in.now - in.seen); }
+
+inline bool in_sight(const MissionInput& in) {
+  return in.estimate_valid && unseen(in) < kFreshSight;
+}
+
+}  // namespace alight

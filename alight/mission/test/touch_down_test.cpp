@@ -1,0 +1,151 @@
+#include "alight/mission/touch_down.h"
+
+#include <gtest/gtest.h>
+
+namespace alight {
+namespace {
+
+constexpr Seconds kStep = 0.01;
+
+/// A landing that ends at rest over the pad's middle, sinking at 0.25 m/s.
+class TouchDownTest : public ::testing::Test {
+ protected:
+  TouchDownTest() : touch_(config_, rig_) {
+    trajectory_.durations = {1, 1};
+    const double sink = 0.25;
+    for (std::size_t s = 0; s < kSegments; ++s) {
+      for (std::size_t i = 0; i < kControlPoints; ++i) {
+        const double share = static_cast<double>(i) / (kControlPoints - 1);
+        const double t = static_cast<double>(s) + share;
+        trajectory_.c[s][i] = Vector3(0, 0, gear() + sink * (2 - t));
+      }
+    }
+    maneuver_ = Maneuver::landing(trajectory_, 0, config_.sink_m);
+    touch_.begin();
+  }
+
+  double gear() const { return rig_.drone.gear_height_m; }
+
+  MissionInput at(Seconds t, double above_gear, double tilt = 0,
+                  double push = 0) const {
+    MissionInput in;
+    in.now = from_seconds(t);
+    in.seen = in.now;
+    in.estimate_valid = true;
+    in.x.p_NB.z() = gear() + above_gear;
+    in.x.v_NB.z() = -0.25;
+    in.x.R_NB = so3_exp(Vector3(0, tilt, 0));
+    in.x_seen = in.x;
+    in.z_acted = in.x.p_NB.z() - 0.25 * 0.1;
+    in.f_touch_N = Vector3(push, 0, kGravity);
+    return in;
+  }
+
+  /// How high above its feet's height a drone sinking by the plan is when thrust goes.
+  double drops_at(double push) {
+    TouchDown touch(config_, rig_);
+    touch.begin();
+    for (Seconds t = 1.5; t < 3; t += kStep) {
+      const double above = 0.25 * (2 - t);
+      touch.feel(at(t, above, 0, push), maneuver_);
+      if (touch.settling()) return above;
+    }
+    return -1;
+  }
+
+  MissionConfig config_;
+  Rig rig_ = alan_rig();
+  TouchDown touch_;
+  Trajectory trajectory_;
+  Maneuver maneuver_;
+};
+
+TEST_F(TouchDownTest, KeepsItsThrustUntilTheFeetAreNearThePad) {
+  touch_.feel(at(1.5, 0.125), maneuver_);
+  EXPECT_FALSE(touch_.settling());
+  touch_.feel(at(2, 0.0), maneuver_);
+  EXPECT_TRUE(touch_.settling());
+}
+
+TEST_F(TouchDownTest, DropsSoonerTheHarderItIsBlown) {
+  const double calm = drops_at(0), windy = drops_at(2), stormy = drops_at(4);
+  EXPECT_GE(windy, calm);
+  EXPECT_GT(stormy, calm);
+  // When what is sent then acts, 0.1 s later, no higher than a harmless fall.
+  EXPECT_LT(stormy - 0.025, 0.0051 + 0.25 * kStep);
+}
+
+TEST_F(TouchDownTest, ThrustGoesEvenlyToNothing) {
+  touch_.feel(at(2, 0.0), maneuver_);
+  double last = 1;
+  for (Seconds t = 2; t < 2.5; t += kStep) {
+    const double share = touch_.thrust_share(from_seconds(t));
+    EXPECT_LE(share, last);
+    EXPECT_GE(share, 0);
+    last = share;
+  }
+  EXPECT_EQ(last, 0);
+}
+
+TEST_F(TouchDownTest, ATiltedDroneDoesNotStandYetButNotForEver) {
+  TouchDown level(config_, rig_), tilted(config_, rig_);
+  Seconds stands_level = 0, stands_tilted = 0;
+  for (Seconds t = 2; t < 4; t += kStep) {
+    MissionInput in = at(t, 0.0);
+    in.x.v_NB.setZero();
+    level.feel(in, maneuver_);
+    if (stands_level == 0 && level.stands(in)) stands_level = t;
+    in = at(t, 0.0, 15 * kDegree);
+    tilted.feel(in, maneuver_);
+    if (stands_tilted == 0 && tilted.stands(in)) stands_tilted = t;
+  }
+  EXPECT_GT(stands_level, 2);
+  EXPECT_GT(stands_tilted, stands_level + 0.1);
+  EXPECT_LT(stands_tilted, 2 + config_.settle_down_s + 0.3);
+}
+
+TEST_F(TouchDownTest, UnseenItSettlesByPredictionOnly) {
+  MissionInput in = at(2.1, 0.0);
+  in.seen = in.now - from_seconds(1);
+  touch_.feel(in, maneuver_);
+  EXPECT_FALSE(touch_.settling());
+  in.now = from_seconds(2 + config_.blind_sink_s + 0.05);
+  touch_.feel(in, maneuver_);
+  EXPECT_TRUE(touch_.settling());
+}
+
+TEST_F(TouchDownTest, ABounceAndASlideAreToldOnce) {
+  touch_.feel(at(2, 0.0), maneuver_);
+  EXPECT_EQ(touch_.moved(at(2.01, 0.0)), nullptr);
+  EXPECT_STREQ(touch_.moved(at(2.1, 0.04)), "it bounced");
+  EXPECT_EQ(touch_.moved(at(2.11, 0.04)), nullptr);
+  MissionInput in = at(2.2, 0.0);
+  in.x_seen.p_NB.x() = 0.05;
+  EXPECT_STREQ(touch_.moved(in), "it slides on the pad");
+  EXPECT_EQ(touch_.moved(in), nullptr);
+  EXPECT_STREQ(touch_.how_it_stands(in), "motors stopped, after a slide");
+  in.x_seen.p_NB.x() = rig_.pad.size_m;
+  EXPECT_STREQ(touch_.how_it_stands(in), "motors stopped, not on the pad");
+}
+
+TEST_F(TouchDownTest, TheFlareWaitsForADroneThatIsLateAndNeverJumps) {
+  Seconds was = 0;
+  for (Seconds t = 0.5; t < 1.8; t += kStep) {
+    touch_.flare(at(t, 0.25 * (2 - t) + 0.04, 0, 2), maneuver_);
+    EXPECT_LT(std::abs(maneuver_.flare_delay() - was), 0.8 * kStep + 1e-6) << t;
+    was = maneuver_.flare_delay();
+  }
+  EXPECT_NEAR(was, 0.04 / 0.25, 0.03);
+}
+
+TEST_F(TouchDownTest, TheReferenceEndsUprighter) {
+  for (Seconds t = 0.5; t < 1.9; t += kStep) {
+    touch_.flare(at(t, 0.25 * (2 - t), 0, 2), maneuver_);
+  }
+  // Leaning by 2 m/s^2 keeps it in place; the reference accelerates the other way.
+  EXPECT_NEAR(maneuver_.at(from_seconds(1.999)).a_NB.x(), -2 * config_.flare_share,
+              0.15);
+}
+
+}  // namespace
+}  // namespace alight

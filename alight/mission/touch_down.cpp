@@ -1,0 +1,150 @@
+#include "alight/mission/touch_down.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace alight {
+namespace {
+
+// m within touch_settled_s: a third of what a landing sinks in that time.
+constexpr double kStillSinking = 0.005;
+// m above gear height, an LED rig's error; m/s.
+constexpr double kTouchHighest = 0.1;
+constexpr double kStanding = 0.05;
+// m from where the feet took the weight: more than the error of a standing drone's
+// pose.
+constexpr double kBounce = 0.03;
+constexpr double kSlide = 0.03;
+constexpr double kFootSpread = 0.7;  // of the feet from the middle, of the arm
+// At least so far ahead of now control looks at the reference.
+constexpr Seconds kControlAhead = 0.25;
+
+// Height above the feet's at which thrust goes, m: dropped too soon the drone falls
+// hard, and too late it is blown off. In calm air it may rather be late.
+constexpr double kDropCalm = -0.02;
+constexpr double kDropPerPush = 0.008;  // and more by this per m/s^2 of lean,
+constexpr double kDropMost = 0.005;     // at most. Falls of 5 mm are harmless.
+constexpr double kDropSeen = 0.06;      // From no higher than this, by what is seen.
+
+// The flare waits for a drone that is above its reference, s, and hurries before.
+constexpr Seconds kFlareEarliest = -0.1, kFlareLatest = 0.35;
+constexpr double kFlareSlew = 0.8;    // s/s: the reference does not jump.
+constexpr Seconds kFlareStep = 0.01;  // between the brain's steps
+constexpr double kSinking = 0.05;     // m/s, or there is nothing to wait for
+// Held down by the last thrust for so much longer, s, it will not get more upright.
+constexpr Seconds kTiltedLonger = 0.15;
+
+double horizontal(const Vector3& v) { return v.head<2>().norm(); }
+
+}  // namespace
+
+TouchDown::TouchDown(const MissionConfig& config, const Rig& rig)
+    : config_(config),
+      gear_height_(rig.drone.gear_height_m),
+      arm_(rig.drone.arm_m),
+      pad_half_(0.5 * rig.pad.size_m) {}
+
+void TouchDown::begin() {
+  flared_ = settling_ = low_ = false;
+  bounced_ = slid_ = false;
+}
+
+void TouchDown::flare(const MissionInput& in, Maneuver& maneuver) {
+  if (config_.flare_s <= 0) return;
+  const double sink = std::max(-maneuver.end().v_NB.z(), 0.1);
+  const Seconds ahead = config_.flare_s + 0.1 + kControlAhead;
+  if (!flared_ && maneuver.past_end(in.now) >= -ahead) {
+    flared_ = true;
+    // Upright on the pad, whatever wind and turns would have it lean.
+    Vector3 a_N = -config_.flare_share * in.f_touch_N;
+    a_N.z() = 0;
+    if (const double a = a_N.norm(); a > config_.flare_max_m_s2) {
+      a_N *= config_.flare_max_m_s2 / a;
+    }
+    const double left = horizontal(in.f_touch_N + a_N) / kGravity;
+    const Seconds early = std::min(kFootSpread * arm_ * left / sink, 0.1);
+    maneuver.end_with(Flare(a_N, config_.flare_s, early));
+  }
+  if (flared_ && -in.x.v_NB.z() > kSinking) {
+    const double above = in.x.p_NB.z() - maneuver.at(in.now).p_NB.z();
+    const Seconds late = std::clamp(above / sink, kFlareEarliest, kFlareLatest);
+    const Seconds step =
+        kFlareSlew * std::clamp(to_seconds(in.now - flare_aimed_), 0.0, kFlareStep);
+    const Seconds was = maneuver.flare_delay();
+    maneuver.delay_flare(was + std::clamp(late - was, -step, step));
+  }
+  flare_aimed_ = in.now;
+}
+
+bool TouchDown::may_touch(const MissionInput& in, const Maneuver& maneuver) const {
+  // Past the commit height there is no way back: unseen, it trusts the prediction.
+  if (unseen(in) > config_.sight_lost_s) {
+    return maneuver.past_end(in.now) > config_.blind_sink_s;
+  }
+  const double above = in.x_seen.p_NB.z() - gear_height_;
+  const double push = horizontal(in.f_touch_N);
+  const double drop = std::min(kDropCalm + kDropPerPush * push, kDropMost);
+  if (in_sight(in) && above < kDropSeen && in.z_acted < gear_height_ + drop) {
+    return true;
+  }
+  if (maneuver.at(in.now).p_NB.z() > gear_height_) return false;
+  if (above < config_.touch_height_m) return true;
+  // Pushed down for a while it does not sink: something carries it, and the rig is not
+  // quite what the file says.
+  return maneuver.past_end(in.now) > config_.blind_sink_s && above < kTouchHighest &&
+         std::abs(in.x.v_NB.z()) < kStanding;
+}
+
+void TouchDown::feel(const MissionInput& in, const Maneuver& maneuver) {
+  if (settling_ || !may_touch(in, maneuver)) return;
+  settling_ = true;
+  settle_since_ = in.now;
+  p_touch_ = in.x_seen.p_NB;
+  low_ = false;
+}
+
+double TouchDown::thrust_share(Time now) const {
+  const double passed = to_seconds(now - settle_since_) / config_.settle_down_s;
+  return config_.settle_share * std::max(0.0, 1 - passed);
+}
+
+bool TouchDown::stands(const MissionInput& in) {
+  if (!settling_) return false;
+  const Seconds settling = to_seconds(in.now - settle_since_);
+  if (unseen(in) > config_.sight_lost_s) return settling >= config_.settle_down_s;
+  // Still sinking, if slowly: not yet.
+  const double z = in.x_seen.p_NB.z();
+  if (!low_ || z < low_z_ - kStillSinking) {
+    low_ = true;
+    low_since_ = in.now;
+    low_z_ = z;
+  }
+  const bool upright = in.x.R_NB(2, 2) > std::cos(config_.upright_deg * kDegree);
+  if (!upright && settling < config_.settle_down_s + kTiltedLonger) return false;
+  return to_seconds(in.now - low_since_) >= config_.touch_settled_s ||
+         settling >= config_.settle_down_s;
+}
+
+const char* TouchDown::moved(const MissionInput& in) {
+  if (!in_sight(in)) return nullptr;
+  const Vector3 way = in.x_seen.p_NB - p_touch_;
+  if (!bounced_ && way.z() > kBounce) {
+    bounced_ = true;
+    return "it bounced";
+  }
+  if (!slid_ && horizontal(way) > kSlide) {
+    slid_ = true;
+    return "it slides on the pad";
+  }
+  return nullptr;
+}
+
+const char* TouchDown::how_it_stands(const MissionInput& in) const {
+  // The middle between the feet is at the origin of B to within the LED frame's error.
+  const bool inside = in.x_seen.p_NB.head<2>().cwiseAbs().maxCoeff() < pad_half_;
+  if (in_sight(in) && !inside) return "motors stopped, not on the pad";
+  if (slid_) return "motors stopped, after a slide";
+  return bounced_ ? "motors stopped, after a bounce" : "motors stopped";
+}
+
+}  // namespace alight

@@ -1,0 +1,55 @@
+#pragma once
+#include "alight/mission/maneuver.h"
+#include "alight/mission/mission_config.h"
+#include "alight/mission/mission_input.h"
+
+namespace alight {
+
+/// The last tenths of a second of a landing: the drone stands up, its feet take the
+/// weight as its thrust goes, and it is seen to stand, to bounce or to slide.
+///
+/// Wind and turns have it lean. Upright on its feet with its thrust still there it is
+/// blown away, and a drone whose thrust goes while it leans falls onto its feet; both
+/// have thrown drones over. So thrust goes when it will be the feet's turn, earlier the
+/// harder it is blown, and the motors stop only once it is upright.
+class TouchDown {
+ public:
+  TouchDown(const MissionConfig& config, const Rig& rig);
+
+  /// A landing begins.
+  void begin();
+  /// Has the landing end upright, and when the drone gets there, not when its reference
+  /// does. Each step of a landing until `settling`.
+  void flare(const MissionInput& in, Maneuver& maneuver);
+  /// From the commit on, each step: whether thrust is to go is decided here.
+  void feel(const MissionInput& in, const Maneuver& maneuver);
+  /// The feet take the weight.
+  bool settling() const { return settling_; }
+  /// While settling: of the last thrust in flight.
+  double thrust_share(Time now) const;
+  /// Settled, or as good as it will be: the motors may stop.
+  bool stands(const MissionInput& in);
+  /// Since the feet took the weight: that it bounced or slid, told once each; else
+  /// null.
+  const char* moved(const MissionInput& in);
+  const char* how_it_stands(const MissionInput& in) const;
+
+ private:
+  bool may_touch(const MissionInput& in, const Maneuver& maneuver) const;
+
+  MissionConfig config_;
+  double gear_height_;
+  double arm_;
+  double pad_half_;
+  bool flared_ = false;
+  Time flare_aimed_ = 0;
+  bool settling_ = false;
+  Time settle_since_ = 0;
+  Vector3 p_touch_ = Vector3::Zero();
+  bool low_ = false;  // not sinking any more, since:
+  Time low_since_ = 0;
+  double low_z_ = 0;
+  bool bounced_ = false, slid_ = false;
+};
+
+}  // namespace alight
