@@ -20,6 +20,8 @@ constexpr Seconds kStopIn = 0.4;
 // long it takes from 3 cm and 0.3 m/s upwards, s.
 constexpr double kComingDown = 0.75;
 constexpr Seconds kComingDownFor = 0.45;
+// Likewise: with no more than this it has not left the ground yet.
+constexpr double kStillStands = 0.85;
 // Of the nominal hover thrust: it moves even a drone that is a fifth heavier than the
 // rig says, and pictures that show nothing of that show the past.
 constexpr double kMovesIt = 1.25;
@@ -34,6 +36,11 @@ constexpr double kSinks = 0.6;
 constexpr double kUnsure = 0.05;  // m, of where it comes down
 // Unseen for so long, s, the drone may be elsewhere than predicted.
 constexpr Seconds kStillKnown = 1;
+// What a tenth of thrust that is not known does to a prediction: 0.5 m in the second
+// after the LEDs were lost. It is learnt in this time of flight in sight, s; a search
+// is as short before that.
+constexpr Seconds kLearntIn = 1;
+constexpr Seconds kShortSearch = 0.9;
 // How long a refused drone that is armed all the same is told to disarm, s.
 constexpr Seconds kDisarmFor = 1;
 // Without a word from the drone after touch-down its motors are its own, s.
@@ -59,6 +66,7 @@ constexpr int kPlanlessMax = 3;
 
 constexpr const char* kTooFast =
     "the platform is too fast for the drone's speed limit: no landing";
+constexpr const char* kUnhealthy = "the radio link is not healthy";
 constexpr const char* kNoOdometry = "no platform odometry comes";
 // So many sd of the position are the miss at which commit is refused: what is known
 // less well, and for longer, s, than it takes to be known again, is not landed by.
@@ -425,12 +433,15 @@ double Mission::platform_wish(const MissionInput& in) {
   // Where there is no way out any more, they had better meet gently.
   const bool up = state != MissionState::idle && state != MissionState::armed &&
                   state != MissionState::complete;
-  const bool alone = up && in.telemetry_heard && in.armed &&
-                     (!in.link->healthy(in.now) || in.mode == AutopilotMode::failsafe ||
-                      in.mode == AutopilotMode::land || in.mode == AutopilotMode::hold);
+  // Unseen and light on its feet the wind brakes it, too.
+  const bool light = state == MissionState::taken_off && !airborne_ && coming_down_;
+  const bool alone =
+      light || (up && in.telemetry_heard && in.armed &&
+                (!in.link->healthy(in.now) || in.mode == AutopilotMode::failsafe ||
+                 in.mode == AutopilotMode::land || in.mode == AutopilotMode::hold));
   if (alone && !alone_) {
     alone_since_ = in.now;
-    beneath_ = would_meet(in);
+    beneath_ = light || would_meet(in);
   }
   alone_ = alone;
   if ((config_.start_on_floor && on_its_way) || waits_for_it_) return 0;
@@ -475,7 +486,7 @@ void Mission::idle(const MissionInput& in, Command& c, Output& out) {
   if (disarms_) return;
   const char* missing = nullptr;
   if (!in.link->ever_heard() || !in.link->healthy(in.now)) {
-    missing = "the radio link is not healthy";
+    missing = kUnhealthy;
   } else if (!in.telemetry_heard) {
     missing = "the autopilot sends no telemetry";
   } else if (!in.platform_ready) {
@@ -519,7 +530,8 @@ void Mission::armed(const MissionInput& in, Command& c, Output& out) {
     c.order = AutopilotOrder::disarm;
     c.mode = Command::Mode::silent;
     disarms_ = true;
-    go(MissionState::refused, "the autopilot does not arm", in, out);
+    go(MissionState::refused,
+       in.link->healthy(in.now) ? "the autopilot does not arm" : kUnhealthy, in, out);
   } else if (to_seconds(in.now - last_order_) >= kOrderEvery) {
     c.order = AutopilotOrder::arm;
     last_order_ = in.now;
@@ -550,18 +562,26 @@ void Mission::taken_off(const MissionInput& in, Command& c, Output& out) {
     go(MissionState::refused, "the pilot took over before the take-off", in, out);
     return;
   }
+  const double rate =
+      config_.start_on_floor ? config_.blind_ramp_rate : config_.ramp_rate;
+  const double share = config_.ramp_from + rate * in_state(in);
   if (obeyed_ &&
       (in.mode == AutopilotMode::failsafe || in.mode == AutopilotMode::land)) {
+    const char* reason = in.computer_was_late ? kStoodStill : kFailsafe;
+    if (share < kStillStands && starts_ < config_.starts_max) {
+      c.order = AutopilotOrder::disarm;
+      disarms_ = true;
+      last_order_ = in.now;
+      go(MissionState::idle, reason, in, out);
+      return;
+    }
     airborne_ = true;  // for all that is known
-    go(MissionState::lost_link, in.computer_was_late ? kStoodStill : kFailsafe, in,
-       out);
+    go(MissionState::lost_link, reason, in, out);
     return;
   }
   c.mode = Command::Mode::ramp;
-  const double rate =
-      config_.start_on_floor ? config_.blind_ramp_rate : config_.ramp_rate;
   const double most = config_.start_on_floor ? config_.blind_ramp_to : config_.ramp_to;
-  c.ramp_share = std::min(config_.ramp_from + rate * in_state(in), most);
+  c.ramp_share = std::min(share, most);
   const Seconds limit =
       config_.start_on_floor ? config_.blind_max_s : config_.ramp_timeout_s;
   // Unseen, it would climb and climb. It may be off the ground by a few centimetres:
@@ -611,6 +631,7 @@ void Mission::taken_off(const MissionInput& in, Command& c, Output& out) {
       fresh && !coming_down_ && (config_.start_on_floor || rose || slipped);
   if (!lifted) return;
   airborne_ = true;
+  lifted_at_ = in.now;
   c.lifted = true;
   // Thrust grows evenly, so the rise goes with the third power of time.
   const double flown = std::max(rise - kStandNoise, 0.0);
@@ -883,11 +904,16 @@ void Mission::lost_target(const MissionInput& in, Output& out) {
     note(words_for(blindness_).lost, in, out);
   }
   // Pictures that come late still say where it was, if not whether it may land.
-  const bool known = unseen(in) < kStillKnown;
-  if (in_state(in) > (known ? config_.give_up_late_s : config_.give_up_s) ||
-      !in.estimate_valid) {
+  const Seconds search = unseen(in) < kStillKnown ? config_.give_up_late_s
+                         : learnt(in)             ? config_.give_up_s
+                                                  : kShortSearch;
+  if (in_state(in) > search || !in.estimate_valid) {
     go(MissionState::aborted, words_for(why).given_up, in, out);
   }
+}
+
+bool Mission::learnt(const MissionInput& in) const {
+  return to_seconds(in.seen - lifted_at_) > kLearntIn;
 }
 
 void Mission::lost_link(const MissionInput& in, Command& c, Output& out) {
@@ -922,6 +948,8 @@ bool Mission::may_be_left(const MissionInput& in) {
   const bool heard = in.link->healthy(in.now) && in.mode == AutopilotMode::offboard;
   if (!heard || !in.estimate_valid || in_state(in) > config_.leave_max_s) return true;
   if (in_sight(in)) return outline_.clear(in.x.p_NB);
+  // Better it drifts than that it sinks on a prediction that knows no thrust.
+  if (!learnt(in)) return true;
   // The autopilot does not know its speed without us, and would drift with it.
   stop_over_ground(in);
   const FlatState ref = maneuver_.at(in.now);

@@ -67,6 +67,8 @@ class Mission {
   /// The drone would come down on the platform, drove that on.
   bool would_meet(const MissionInput& in) const;
   bool may_be_left(const MissionInput& in);
+  /// It has been seen flying for long enough to know its weight and the wind.
+  bool learnt(const MissionInput& in) const;
   Seconds in_state(const MissionInput& in) const;
 
   void idle(const MissionInput& in, Command& c, Output& out);
@@ -97,6 +99,7 @@ class Mission {
   // The operator said go, hold (and not go since), abort.
   bool wanted_ = false, hold_wanted_ = false, abort_wanted_ = false;
   bool airborne_ = false;
+  Time lifted_at_ = 0;
   Matrix3 R_rest_ = Matrix3::Identity();
   Vector3 p_rest_ = Vector3::Zero();  // where it stood before take-off
 

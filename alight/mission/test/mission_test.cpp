@@ -1130,7 +1130,9 @@ TEST(Mission, ADroneThatIsNoLongerSeenAsItLiftsComesDownSoftly) {
     while (f.c.ramp_share > 0.75 && f.state() == State::taken_off) f.step();
     EXPECT_LT(to_seconds(f.now() - lost), 0.12);
     const Time down = f.now();
+    double wish = 1;
     while (f.state() == State::taken_off) {
+      wish = f.c.platform_speed_wish;  // the wind brakes it
       EXPECT_EQ(f.c.mode, MissionCommand::Mode::ramp);
       EXPECT_LE(f.c.ramp_share, 0.75);
       EXPECT_GT(f.c.ramp_share, 0.5) << "it falls";
@@ -1138,6 +1140,7 @@ TEST(Mission, ADroneThatIsNoLongerSeenAsItLiftsComesDownSoftly) {
       f.step();
     }
     EXPECT_GT(to_seconds(f.now() - down), 0.4);
+    EXPECT_LT(wish, 0.6);
     EXPECT_EQ(f.orders_disarm, 1);
     // Seen again it starts anew.
     f.sight = f.lifts = true;
@@ -1357,6 +1360,38 @@ TEST(Mission, AnUnseenDroneIsStoppedOverTheGroundBeforeTheAutopilotLands) {
   const Vector3 platform(0.9, 0, 0);  // Flight's
   EXPECT_LT((v + platform).norm(), 0.2);
   EXPECT_LT(to_seconds(f.now() - f.transitions.back().t), 1.5);
+}
+
+TEST(Mission, AFailsafeBeforeThrustCarriesItIsNoFlight) {
+  for (const Seconds after : {0.03, 0.4}) {
+    SCOPED_TRACE(after);
+    Flight f;
+    f.lifts = false;
+    ASSERT_TRUE(f.reach(State::taken_off));
+    f.run(after);
+    const bool may_fly = f.c.ramp_share > 0.9;
+    f.mode = AutopilotMode::failsafe;
+    f.step();
+    EXPECT_EQ(f.state(), may_fly ? State::lost_link : State::idle);
+    EXPECT_EQ(f.reason(), "the autopilot's failsafe has taken over");
+    EXPECT_EQ(f.orders_disarm, may_fly ? 0 : 1);
+    f.lifts = true;
+    f.mode = AutopilotMode::offboard;
+    EXPECT_TRUE(may_fly || f.until(State::follow, 20)) << "starts anew";
+  }
+}
+
+TEST(Mission, LostRightAfterTheTakeOffItIsLeftToTheAutopilotSoon) {
+  Flight f;
+  ASSERT_TRUE(f.reach(State::taken_off));
+  while (!f.mission().flying()) f.step();
+  f.run(0.3);
+  f.sight = false;
+  const Time lost = f.now();
+  while (f.orders_land == 0 && f.now() - lost < from_seconds(5)) f.step();
+  EXPECT_EQ(f.state(), State::aborted);
+  EXPECT_GT(to_seconds(f.now() - lost), 1.1) << "pictures may miss for a second";
+  EXPECT_LT(to_seconds(f.now() - lost), 1.3);
 }
 
 TEST(Mission, AnAbortedLandingLeavesThePlatformFirst) {
