@@ -119,7 +119,7 @@ struct AutopilotScenario {
   double link_loss_ms =
       300;  ///< Without set-points (COM_OF_LOSS_T); then it does this:
   LinkLossAction link_loss = LinkLossAction::land;
-  double land_speed_m_s = 0.55;  ///< With which it lands by itself (MPC_LAND_SPEED).
+  double land_speed_m_s = 0.6;  ///< With which it lands by itself (MPC_LAND_SPEED).
 };
 
 struct RigErrorScenario {
