@@ -315,7 +315,7 @@ void LandingSystem::Parts::control(const MissionCommand& command, Time now,
     }
     case MissionCommand::Mode::track: {
       if (config.interface == ControlInterface::velocity) {
-        out.setpoint = pid.step(platform.at(now), state.x, mission.maneuver().at(now),
+        out.setpoint = pid.step(platform.at(now), state.x, mission.reference(now),
                                 std::max(to_seconds(now - last_now), 1e-3),
                                 motion.autopilot_heading)
                            .setpoint;
@@ -330,7 +330,7 @@ void LandingSystem::Parts::control(const MissionCommand& command, Time now,
       in.autopilot_heading = motion.autopilot_heading;
       in.d_N = ahead.d_N;
       in.b_N = ahead.b_N;
-      in.reference = mission.maneuver().at(t_eff);
+      in.reference = mission.reference(t_eff);
       in.tilt_limit_rad = command.tilt_limit;
       out.setpoint =
           attitude.step(in, std::max(to_seconds(now - last_now), 1e-3)).setpoint;
@@ -445,7 +445,7 @@ void LandingSystem::step(const Input& input, Output& out, Probe* probe) {
   }
   out.order = command.order;
   out.platform_speed_wish = command.platform_speed_wish;
-  out.trace.reference = p.mission.maneuver().at(input.now);
+  out.trace.reference = p.mission.reference(input.now);
   out.trace.reference_valid = command.mode == MissionCommand::Mode::track;
   out.trace.link_delay_ms = p.link.delay_ms();
   out.trace.heading_offset = p.motion.autopilot_heading;

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <cstring>
 
+#include "alight/planning/replan.h"
+
 namespace alight {
 namespace {
 
@@ -63,6 +65,8 @@ constexpr double kLeastRoom = 0.85;
 constexpr Seconds kTooFastFor = 0.5;
 // So often nothing but failed plans at the rendezvous: more will not help.
 constexpr int kPlanlessMax = 3;
+// s; a landing that has waited is flown by another clock than it was planned for.
+constexpr Seconds kNoLag = 1e-6;
 
 constexpr const char* kTooFast =
     "the platform is too fast for the drone's speed limit: no landing";
@@ -134,7 +138,8 @@ Seconds Mission::in_state(const MissionInput& in) const {
 
 void Mission::go(MissionState to, const char* reason, const MissionInput& in,
                  Output& out) {
-  out.transitions.push_back({in.now, status_.state, to, reason});
+  const MissionState from = status_.state;
+  out.transitions.push_back({in.now, from, to, reason});
   status_.state = to;
   status_.reason = reason;
   status_.since = in.now;
@@ -145,11 +150,23 @@ void Mission::go(MissionState to, const char* reason, const MissionInput& in,
   left_ = false;
   awaits_odometry_ = false;
   told_ = in.now;
+  has_next_ = false;
   switch (to) {
     case MissionState::follow:
     case MissionState::go_around:
     case MissionState::hold:
       move_to(config_.follow_point, config_.move_speed_m_s, in);
+      if (config_.way_back && from == MissionState::land && in.platform_ready) {
+        // Begun at once; better is a way that is certified not to leave the picture.
+        PlanRequest back;
+        back.way_back = true;
+        back.start = in.now + from_seconds(config_.plan_ahead_s);
+        back.from = maneuver_.at(back.start);
+        back.platform = predict(in.platform, config_.plan_ahead_s);
+        back.has_return = true;
+        back.return_to = config_.follow_point;
+        ask(back, in, out);
+      }
       break;
     case MissionState::lost_target:
       blindness_ = in.blindness;
@@ -191,6 +208,7 @@ void Mission::move_to(const Vector3& p_NB, double speed, const MissionInput& in)
     limits.acceleration_m_s2 = std::max(limits.acceleration_m_s2, brake);
   }
   maneuver_ = Maneuver::move(PointToPoint(in.now, from, p_NB, 0, limits));
+  has_next_ = false;
 }
 
 bool Mission::settled(const MissionInput& in) {
@@ -354,6 +372,10 @@ MissionCommand Mission::step(const MissionInput& in, Output& out) {
   }
   hold_wanted_ = hold_wanted_ || in.wish == OperatorWish::hold;
   abort_wanted_ = abort_wanted_ || in.wish == OperatorWish::abort;
+  if (has_next_ && in.now >= next_from_) {
+    maneuver_ = next_;
+    has_next_ = false;
+  }
   obeyed_ = in.armed && (obeyed_ || in.mode == AutopilotMode::offboard);
   switch (status_.state) {
     case MissionState::idle:
@@ -666,6 +688,7 @@ void Mission::follow(const MissionInput& in, Output& out) {
     move_to(config_.follow_point, config_.move_speed_m_s, in);
     note(kOffItsWay, in, out);
   }
+  if (status_.state == MissionState::go_around) take_way_back(in);
   const bool there = settled(in);
   if (status_.state == MissionState::hold && !battery_low_) {
     if (awaits_odometry_ && in.platform_ready && !hold_wanted_) {
@@ -703,17 +726,59 @@ void Mission::follow(const MissionInput& in, Output& out) {
 }
 
 void Mission::request_plan(const MissionInput& in, Output& out) {
-  PlanRequest& request = out.plan_request;
-  request = PlanRequest{};
-  request.id = ++plan_id_;
+  PlanRequest request;
   request.start = in.now + from_seconds(config_.plan_ahead_s);
   request.from = maneuver_.at(request.start);
   request.platform = predict(in.platform, config_.plan_ahead_s);
-  request.platform.t = request.start;
+  ask(request, in, out);
+  ++plan_tries_;
+}
+
+void Mission::ask(PlanRequest request, const MissionInput& in, Output& out) {
+  out.plan_request = request;
+  out.plan_request.id = ++plan_id_;
+  out.plan_request.platform.t = request.start;
   out.has_plan_request = true;
   plan_pending_ = true;
   plan_asked_ = in.now;
-  ++plan_tries_;
+}
+
+const PlanResult* Mission::plan_arrived(const MissionInput& in) {
+  if (in.plan == nullptr || !plan_pending_ || in.plan->result.id != plan_id_) {
+    return nullptr;
+  }
+  plan_pending_ = false;
+  return &in.plan->result;
+}
+
+void Mission::replan(const MissionInput& in, Output& out) {
+  const PlanResult* fresh = plan_arrived(in);
+  if (config_.replan_every_s <= 0 || maneuver_.lag(in.now) > kNoLag) return;
+  if (fresh != nullptr && takes_over(plan_, *fresh, in.now)) {
+    plan_ = *fresh;
+    next_ = Maneuver::landing(plan_.trajectory, plan_.start, config_.sink_m);
+    next_from_ = plan_.start;
+    has_next_ = true;
+  }
+  const bool waited = to_seconds(in.now - plan_asked_) >= config_.replan_every_s;
+  if (has_next_ || !waited || !in.platform_ready) return;
+  const Time in_force = in.now + from_seconds(config_.plan_ahead_s);
+  if (maneuver_.past_end(in_force) > -touch_down_.begins_before_end()) return;
+  Replan anew;
+  anew.in_force = in_force;
+  anew.platform = predict(in.platform, config_.plan_ahead_s);
+  ++replans_;
+  anew.sweep =
+      config_.replan_sweep_every > 0 && replans_ % config_.replan_sweep_every == 0;
+  if (const auto request = replan_request(plan_, anew)) ask(*request, in, out);
+}
+
+void Mission::take_way_back(const MissionInput& in) {
+  const PlanResult* back = plan_arrived(in);
+  if (back == nullptr || !back->ok() || in.now > back->start) return;
+  next_ = Maneuver::landing(back->trajectory, back->start, 0);
+  next_from_ = back->start;
+  has_next_ = true;
 }
 
 void Mission::rendezvous(const MissionInput& in, Output& out) {
@@ -722,18 +787,18 @@ void Mission::rendezvous(const MissionInput& in, Output& out) {
     go(MissionState::lost_target, words_for(in.blindness).lost, in, out);
     return;
   }
-  if (in.plan != nullptr && plan_pending_ && in.plan->result.id == plan_id_) {
-    plan_pending_ = false;
-    const PlanResult& plan = in.plan->result;
-    if (!plan.ok()) {
-      plan_trouble_ = plan.reason;
-    } else if (in.now > plan.start) {
+  if (const PlanResult* plan = plan_arrived(in)) {
+    if (!plan->ok()) {
+      plan_trouble_ = plan->reason;
+    } else if (in.now > plan->start) {
       plan_trouble_ = "the plan came too late";
     } else {
       ++status_.attempts;
       planless_ = 0;
+      replans_ = 0;
+      plan_ = *plan;
       go(MissionState::land, "the landing is planned", in, out);
-      maneuver_ = Maneuver::landing(plan.trajectory, plan.start, config_.sink_m);
+      maneuver_ = Maneuver::landing(plan_.trajectory, plan_.start, config_.sink_m);
       committed_ = false;
       touch_down_.begin();
       return;
@@ -802,11 +867,15 @@ void Mission::land(const MissionInput& in, Command& c, Output& out) {
     c.ramp_share = touch_down_.thrust_share(in.now);
     return;
   }
-  touch_down_.flare(in, maneuver_);
+  if (!committed_) replan(in, out);
+  if (!has_next_) touch_down_.flare(in, maneuver_);
   if (!committed_) {
     // Where it would touch, off the middle of the pad.
     const double miss = horizontal(error + kMissAhead * (in.x.v_NB - ref.v_NB));
-    const double commit_height = gear_height_ + config_.commit_height_m;
+    // Below it there is no certified way back.
+    const double commit_height =
+        std::max(gear_height_ + config_.commit_height_m,
+                 plan_.escape.exists ? plan_.escape.height_m : 0);
     if (config_.wait_error_m > 0 &&
         ref.p_NB.z() < commit_height + config_.wait_room_m) {
       // Gusts pass: better to wait above the pad than to touch beside its middle.
@@ -835,6 +904,7 @@ void Mission::land(const MissionInput& in, Command& c, Output& out) {
       } else {
         committed_ = true;
         maneuver_.aim_pace(in.now, 1);
+        note("past the commit height: it lands", in, out);
       }
     }
     return;

@@ -35,7 +35,10 @@ class Mission {
   /// @param request  Filled in when a plan is wanted; `has_request` says so.
   MissionCommand step(const MissionInput& in, Output& out);
 
-  const Maneuver& maneuver() const { return maneuver_; }
+  /// Where the drone is to be at `t`, also when that is later than now.
+  FlatState reference(Time t) const {
+    return has_next_ && t >= next_from_ ? next_.at(t) : maneuver_.at(t);
+  }
   const MissionStatus& status() const { return status_; }
   bool flying() const;
   /// Heading in N in which the drone stood before take-off, rad.
@@ -46,6 +49,13 @@ class Mission {
   void go(MissionState to, const char* reason, const MissionInput& in, Output& out);
   void move_to(const Vector3& p_NB, double speed, const MissionInput& in);
   void request_plan(const MissionInput& in, Output& out);
+  void ask(PlanRequest request, const MissionInput& in, Output& out);
+  /// The plan that was asked for, once; null as long as there is none.
+  const PlanResult* plan_arrived(const MissionInput& in);
+  /// The landing under way, anew for what the platform does now.
+  void replan(const MissionInput& in, Output& out);
+  /// A certified way back instead of the one begun at once.
+  void take_way_back(const MissionInput& in);
   /// Something to be told that changes no state: an event all the same.
   void note(const char* reason, const MissionInput& in, Output& out);
   bool settled(const MissionInput& in);
@@ -96,6 +106,10 @@ class Mission {
   double tilt_max_;
   MissionStatus status_;
   Maneuver maneuver_;
+  Maneuver next_;  // takes over at next_from_
+  Time next_from_ = 0;
+  bool has_next_ = false;
+  PlanResult plan_;  // of the landing under way, the last certified
   // The operator said go, hold (and not go since), abort.
   bool wanted_ = false, hold_wanted_ = false, abort_wanted_ = false;
   bool airborne_ = false;
@@ -131,6 +145,7 @@ class Mission {
   bool plan_pending_ = false;
   Time plan_asked_ = 0;
   int plan_tries_ = 0;
+  int replans_ = 0;  // of the landing under way
   const char* plan_trouble_ = "";
   int planless_ = 0;  // times in a row that no plan came about at the rendezvous
   bool vague_ = false;

@@ -40,6 +40,7 @@ Result<void> MissionConfig::validate() const {
           {"mission.slip_m", slip_m, 0.005, 1},
           {"mission.slip_tilt_deg", slip_tilt_deg, 1, 60},
           {"mission.sink_m", sink_m, 0, 0.5},
+          {"mission.replan_every_s", replan_every_s, 0, 60},
           {"mission.settle_share", settle_share, 0, 1},
           {"mission.settle_down_s", settle_down_s, 0.02, 2},
           {"mission.flare_s", flare_s, 0, 2},

@@ -35,6 +35,10 @@ struct MissionConfig {
   double plan_retry_s = 0.25;
   int plan_tries = 8;  ///< Then back to follow.
 
+  double replan_every_s = 0.3;  ///< While landing, until its end is near; 0: never.
+  int replan_sweep_every = 4;   ///< Of these one samples the durations again.
+  bool way_back = true;         ///< Goes around on a certified way, where there is one.
+
   double commit_height_m = 0.08;  ///< Above gear height; below, landing is the safe
                                   ///< choice. A climb takes 6 cm to begin.
   double commit_error_m = 0.10;   ///< Expected miss at which commit is refused.

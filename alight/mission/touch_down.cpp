@@ -49,11 +49,14 @@ void TouchDown::begin() {
   bounced_ = slid_ = false;
 }
 
+Seconds TouchDown::begins_before_end() const {
+  return config_.flare_s + 0.1 + kControlAhead;
+}
+
 void TouchDown::flare(const MissionInput& in, Maneuver& maneuver) {
   if (config_.flare_s <= 0) return;
   const double sink = std::max(-maneuver.end().v_NB.z(), 0.1);
-  const Seconds ahead = config_.flare_s + 0.1 + kControlAhead;
-  if (!flared_ && maneuver.past_end(in.now) >= -ahead) {
+  if (!flared_ && maneuver.past_end(in.now) >= -begins_before_end()) {
     flared_ = true;
     // Upright on the pad, whatever wind and turns would have it lean.
     Vector3 a_N = -config_.flare_share * in.f_touch_N;

@@ -21,6 +21,8 @@ class TouchDown {
   /// Has the landing end upright, and when the drone gets there, not when its reference
   /// does. Each step of a landing until `settling`.
   void flare(const MissionInput& in, Maneuver& maneuver);
+  /// How long before a landing's end the flare may begin, s.
+  Seconds begins_before_end() const;
   /// From the commit on, each step: whether thrust is to go is decided here.
   void feel(const MissionInput& in, const Maneuver& maneuver);
   /// The feet take the weight.

@@ -23,6 +23,9 @@ struct PlanRequest {
   /// Keep these segment times and solve once (the paper's "online solving"); both zero:
   /// sample the time allocation.
   std::array<Seconds, kSegments> durations{0, 0};
+  /// Not a landing but the way back from one: out of the touch-down space to rest in
+  /// the rear one (standard profile). The result's trajectory is the escape's.
+  bool way_back = false;
   bool keep_jerk = false;  ///< The start's jerk holds too: a trajectory taken over.
   /// Where an escape ends, at rest; else in the rear space where the landing starts, or
   /// in the middle of the view.

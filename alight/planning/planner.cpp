@@ -221,7 +221,15 @@ Result<Planner> Planner::create(const PlannerConfig& config, const Rig& rig) {
 }
 
 PlanResult Planner::plan(const PlanRequest& request) const {
-  return setting_->run(request, nullptr);
+  if (!request.way_back) return setting_->run(request, nullptr);
+  PlanResult result;
+  result.id = request.id;
+  result.start = request.start;
+  result.escape = escape(request);
+  result.trajectory = result.escape.trajectory;
+  result.status = result.escape.exists ? PlanStatus::solved : PlanStatus::infeasible;
+  result.reason = result.escape.exists ? "" : "no certified way back from here";
+  return result;
 }
 
 PlanResult plan(const Planner& planner, const PlanRequest& request) {

@@ -9,6 +9,8 @@
 #include <string>
 #include <vector>
 
+#include "alight/planning/planner.h"
+
 namespace alight {
 namespace {
 
@@ -27,7 +29,8 @@ class Flight {
   bool link_up = true, telemetry = true, platform = true, sight = true;
   bool arms = true;  ///< Does as ordered.
   bool motors_stop = false;
-  bool lifts = true;  ///< Rises when thrust is enough.
+  bool lifts = true;                 ///< Rises when thrust is enough.
+  const Planner* planner = nullptr;  // else straight ways
   bool planner_answers = true;
   bool plans_feasible = true;
   std::uint32_t plan_age = 0;  ///< It answers this many questions ago.
@@ -105,10 +108,10 @@ class Flight {
 
     Output out;
     const bool flew = mission_.flying();
-    const Vector3 p_before = mission_.maneuver().at(now_).p_NB;
+    const Vector3 p_before = mission_.reference(now_).p_NB;
     c = mission_.step(in, out);
     if (flew && mission_.flying() && off.isZero()) {
-      const Vector3 p_after = mission_.maneuver().at(now_).p_NB;
+      const Vector3 p_after = mission_.reference(now_).p_NB;
       reference_jump_m = std::max(reference_jump_m, (p_after - p_before).norm());
     }
     for (const MissionTransition& t : out.transitions) transitions.push_back(t);
@@ -167,7 +170,7 @@ class Flight {
         break;
       case MissionCommand::Mode::track:
       case MissionCommand::Mode::settle: {
-        const FlatState ref = mission_.maneuver().at(now_ + kStep);
+        const FlatState ref = mission_.reference(now_ + kStep);
         x_.p_NB = ref.p_NB + off;
         x_.v_NB = ref.v_NB;
         x_.R_NB.setIdentity();
@@ -184,6 +187,7 @@ class Flight {
 
   /// A straight way from where it begins to the pad.
   PlanResult answer(const PlanRequest& request) const {
+    if (planner != nullptr) return planner->plan(request);
     PlanResult plan;
     plan.id = request.id - plan_age;
     plan.start = request.start;
@@ -245,6 +249,7 @@ TEST(Mission, NormalLife) {
       {State::taken_off, State::follow, "clear of the pad: to the follow point"},
       {State::follow, State::rendezvous, "following well: to the rendezvous"},
       {State::rendezvous, State::land, "the landing is planned"},
+      {State::land, State::land, "past the commit height: it lands"},
       {State::land, State::shut_down, "stands on the pad"},
       {State::shut_down, State::complete, "motors stopped"},
   };
@@ -258,7 +263,8 @@ TEST(Mission, NormalLife) {
   }
   EXPECT_LT(f.reference_jump_m, 1e-6);
   EXPECT_EQ(f.mission().status().attempts, 1);
-  EXPECT_EQ(f.requests.size(), 1u);
+  ASSERT_GE(f.requests.size(), 1u);
+  EXPECT_FALSE(f.requests[0].keep_jerk);
   EXPECT_FALSE(f.armed());
   EXPECT_FALSE(f.mission().flying());
   EXPECT_EQ(f.c.mode, MissionCommand::Mode::silent);
@@ -731,7 +737,7 @@ TEST(Mission, APlanIsAskedFromWhereTheReferenceWillBe) {
   EXPECT_EQ(request.platform.t, request.start);
   EXPECT_TRUE(request.platform.v_IN_N.isApprox(Vector3(0.9, 0, 0), 1e-9));
   // It ends, later, on the pad.
-  const Vector3 end = f.mission().maneuver().at(f.now() + from_seconds(10)).p_NB;
+  const Vector3 end = f.mission().reference(f.now() + from_seconds(10)).p_NB;
   EXPECT_LT(end.head<2>().norm(), 1e-9);
 }
 
@@ -766,7 +772,7 @@ TEST(Mission, AnOldPlanIsNotFlown) {
   f.wish = OperatorWish::hold;
   f.run(1);
   EXPECT_EQ(f.state(), State::hold);
-  const Vector3 end = f.mission().maneuver().at(f.now() + from_seconds(10)).p_NB;
+  const Vector3 end = f.mission().reference(f.now() + from_seconds(10)).p_NB;
   EXPECT_TRUE(end.isApprox(places_for({}, f.rig()).follow_point, 1e-9));
 }
 
@@ -961,7 +967,7 @@ TEST(Mission, FarOffItsWayTheReferenceComesToTheDrone) {
     ASSERT_TRUE(bring(f, state));
     f.off = Vector3(-0.5, 0.3, 0.4);
     f.run(0.03);
-    EXPECT_LT((f.mission().maneuver().at(f.now()).p_NB - f.x().p_NB).norm(), 0.75);
+    EXPECT_LT((f.mission().reference(f.now()).p_NB - f.x().p_NB).norm(), 0.75);
     EXPECT_TRUE(std::any_of(f.transitions.begin(), f.transitions.end(), [](auto& t) {
       return std::string(t.reason) == "far off its way: it goes on from where it is";
     }));
@@ -1175,7 +1181,7 @@ std::vector<double> wishes_without_link(double z, double speed, Seconds silent_s
   EXPECT_TRUE(bring(f, State::land));
   f.platform_speed = speed;
   f.x().p_NB = Vector3(0, 0, z);
-  f.off = f.x().p_NB - f.mission().maneuver().at(f.now() + kStep).p_NB;
+  f.off = f.x().p_NB - f.mission().reference(f.now() + kStep).p_NB;
   f.link_up = false;
   std::vector<double> wishes;
   for (const Time end = f.now() + from_seconds(silent_s); f.now() < end;) {
@@ -1263,8 +1269,7 @@ TEST(Mission, FromTheFloorTheClimbIsBlindAndEndsInSight) {
   expect_last(f, State::taken_off, State::follow, "in sight: to the follow point");
   EXPECT_TRUE(f.c.lifted);
   EXPECT_EQ(f.c.platform_speed_wish, 1);
-  EXPECT_LT((f.mission().maneuver().at(f.now()).p_NB - Vector3(-1, 0, 0.5)).norm(),
-            1e-9);
+  EXPECT_LT((f.mission().reference(f.now()).p_NB - Vector3(-1, 0, 0.5)).norm(), 1e-9);
   EXPECT_TRUE(f.until(State::complete));
 }
 
@@ -1469,7 +1474,7 @@ TEST(Mission, ThePilotsSwitchWinsInEveryStateAndNothingIsOrdered) {
         f.step();
         EXPECT_EQ(f.c.order, AutopilotOrder::none);
         EXPECT_EQ(f.c.mode, MissionCommand::Mode::track);
-        EXPECT_LT((f.mission().maneuver().at(f.now()).p_NB - p).norm(), 1e-9)
+        EXPECT_LT((f.mission().reference(f.now()).p_NB - p).norm(), 1e-9)
             << "asks for nothing but to go on";
       }
       EXPECT_EQ(f.state(), State::pilot);
@@ -1679,6 +1684,79 @@ TEST(Mission, AnyOneFaultAtAnyMomentEndsWell) {
   }
   EXPECT_GT(complete, 300);
   EXPECT_GT(aborted, 5);
+}
+
+TEST(Mission, ReplansWhileLandingWithoutAJumpAndLands) {
+  const auto planner = Planner::create(PlannerConfig{}, alan_rig());
+  ASSERT_TRUE(planner);
+  Flight f;
+  f.planner = &*planner;
+  ASSERT_TRUE(f.reach(State::land));
+  const std::size_t asked = f.requests.size();
+  f.platform_speed = 0.5;  // It drives off: what was certified was for another motion.
+  FlatState last = f.mission().reference(f.now());
+  while (f.state() == State::land) {
+    f.step();
+    const FlatState ref = f.mission().reference(f.now());
+    EXPECT_LT((ref.v_NB - last.v_NB).norm(), 0.12);  // 12 m/s^2 over a step
+    EXPECT_LT((ref.a_NB - last.a_NB).norm(), 1.5);
+    last = ref;
+  }
+  EXPECT_LT(f.reference_jump_m, 1e-6);
+  ASSERT_GT(f.requests.size(), asked + 2);
+  bool sweeps = false, single = false;
+  for (std::size_t i = asked; i < f.requests.size(); ++i) {
+    EXPECT_TRUE(f.requests[i].keep_jerk);
+    EXPECT_NEAR(f.requests[i].platform.v_IN_N.x(), 0.5, 1e-9);
+    (f.requests[i].durations[0] == 0 ? sweeps : single) = true;
+  }
+  EXPECT_TRUE(single);
+  EXPECT_TRUE(sweeps);
+  EXPECT_TRUE(f.until(State::complete));
+}
+
+TEST(Mission, PlansAnewThatComeLateOrNotChangeNothing) {
+  const auto planner = Planner::create(PlannerConfig{}, alan_rig());
+  ASSERT_TRUE(planner);
+  std::vector<Vector3> paths[3];
+  for (int kind = 0; kind < 3; ++kind) {
+    Flight f;
+    f.planner = &*planner;
+    ASSERT_TRUE(f.reach(State::land));
+    if (kind == 1) f.planner_answers = false;
+    if (kind == 2) f.planner_delay = from_seconds(0.25);
+    while (f.state() == State::land) {
+      f.step();
+      paths[kind].push_back(f.mission().reference(f.now()).p_NB);
+    }
+    EXPECT_EQ(f.state(), State::shut_down);
+  }
+  ASSERT_EQ(paths[1].size(), paths[2].size());
+  for (std::size_t i = 0; i < paths[1].size(); ++i) {
+    EXPECT_EQ(paths[1][i], paths[2][i]);
+  }
+}
+
+TEST(Mission, GoesAroundOnACertifiedWayAndFromWhereItIsUntilThat) {
+  const auto planner = Planner::create(PlannerConfig{}, alan_rig());
+  ASSERT_TRUE(planner);
+  Flight f;
+  f.planner = &*planner;
+  ASSERT_TRUE(f.reach(State::land));
+  ASSERT_TRUE(f.until_below(0.3));
+  f.off = Vector3(0, 0.36, 0);
+  ASSERT_TRUE(f.until(State::go_around, 5));
+  f.off.setZero();
+  const PlanRequest back = f.requests.back();
+  EXPECT_TRUE(back.way_back);
+  const PlanResult way = planner->plan(back);
+  ASSERT_TRUE(way.ok());
+  while (f.now() < back.start + from_seconds(0.2)) f.step();
+  const FlatState ref = f.mission().reference(f.now());
+  const FlatState certified = way.trajectory.at(to_seconds(f.now() - back.start));
+  EXPECT_LT((ref.p_NB - certified.p_NB).norm(), 1e-9);
+  EXPECT_TRUE(f.until(State::complete));
+  EXPECT_EQ(f.mission().status().attempts, 2);
 }
 
 }  // namespace
