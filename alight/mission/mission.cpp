@@ -34,6 +34,9 @@ constexpr Seconds kOutOfTheWay = 3;
 // landing speed, m/s.
 constexpr Seconds kBrakes = 0.55;
 constexpr Seconds kSinksAfter = 0.2;
+// m/s against its reference: more than gusts do, less than an autopilot that brakes
+// does within a tenth of a second or two.
+constexpr double kObeys = 0.25;
 constexpr double kSinks = 0.6;
 constexpr double kUnsure = 0.05;  // m, of where it comes down
 // Unseen for so long, s, the drone may be elsewhere than predicted.
@@ -278,8 +281,12 @@ bool Mission::overruled(const MissionInput& in, Output& out) {
     return true;
   }
   if (in.link->lost(in.now)) {
-    go(MissionState::lost_link, kUnheard, in, out);
-    return true;
+    // A landing that is seen to go on as told is safer than an autopilot left alone
+    // over a platform that drives.
+    if (state != MissionState::land || !obeys(in)) {
+      go(MissionState::lost_link, kUnheard, in, out);
+      return true;
+    }
   }
   // A burst of losses puts the autopilot into its failsafe until set-points come again.
   if (in.mode != AutopilotMode::failsafe) {
@@ -364,7 +371,9 @@ bool Mission::watch_battery(const MissionInput& in, Output& out) {
 MissionCommand Mission::step(const MissionInput& in, Output& out) {
   assert(in.link != nullptr);
   MissionCommand c;
-  c.tilt_limit = in.link->tilt_limit(in.now, tilt_max_);
+  c.tilt_limit = status_.state == MissionState::land && obeys(in)
+                     ? tilt_max_
+                     : in.link->tilt_limit(in.now, tilt_max_);
   // What the operator said stands until he says otherwise, whatever comes between.
   if (in.wish == OperatorWish::go) {
     wanted_ = true;
@@ -437,6 +446,10 @@ MissionCommand Mission::step(const MissionInput& in, Output& out) {
   return c;
 }
 
+bool Mission::obeys(const MissionInput& in) const {
+  return in_sight(in) && (in.x.v_NB - reference(in.now).v_NB).norm() < kObeys;
+}
+
 double Mission::platform_wish(const MissionInput& in) {
   // A platform that can wait does so until it can be followed.
   const MissionState state = status_.state;
@@ -457,9 +470,12 @@ double Mission::platform_wish(const MissionInput& in) {
                   state != MissionState::complete;
   // Unseen and light on its feet the wind brakes it, too.
   const bool light = state == MissionState::taken_off && !airborne_ && coming_down_;
+  // Not heard but seen to do as it is told: only its words are lost.
+  const bool unheard =
+      !in.link->healthy(in.now) && (state == MissionState::lost_link || !obeys(in));
   const bool alone =
       light || (up && in.telemetry_heard && in.armed &&
-                (!in.link->healthy(in.now) || in.mode == AutopilotMode::failsafe ||
+                (unheard || in.mode == AutopilotMode::failsafe ||
                  in.mode == AutopilotMode::land || in.mode == AutopilotMode::hold));
   if (alone && !alone_) {
     alone_since_ = in.now;

@@ -59,6 +59,8 @@ class Mission {
   /// Something to be told that changes no state: an event all the same.
   void note(const char* reason, const MissionInput& in, Output& out);
   bool settled(const MissionInput& in);
+  /// Seen to move as it is told: set-points arrive.
+  bool obeys(const MissionInput& in) const;
   /// Seen far from where it should be.
   bool strayed(const MissionInput& in) const;
   /// The platform is faster than the drone may fly, and stays so.

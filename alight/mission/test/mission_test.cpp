@@ -547,6 +547,7 @@ TEST(Mission, ALostLinkLeavesTheAutopilotAlone) {
     bool silent_too_soon = false;
     const Time since = f.now();
     while (f.state() != State::lost_link && f.now() - since < 2'000'000'000) {
+      f.x().v_NB.z() -= 1;  // What it is told does not reach it.
       f.step();
       // As the link ages the tilt that may be commanded shrinks.
       EXPECT_LE(f.c.tilt_limit, limit);
@@ -563,6 +564,22 @@ TEST(Mission, ALostLinkLeavesTheAutopilotAlone) {
     EXPECT_EQ(f.c.mode, MissionCommand::Mode::silent);
     EXPECT_TRUE(f.mission().flying());
   }
+}
+
+TEST(Mission, UnheardButSeenToObeyALandingGoesOn) {
+  Flight f;
+  ASSERT_TRUE(bring(f, State::land));
+  f.link_up = false;
+  const double limit = f.c.tilt_limit;
+  while (f.state() == State::land) {
+    f.step();
+    EXPECT_EQ(f.c.tilt_limit, limit) << "a landing needs its tilt";
+    EXPECT_EQ(f.c.platform_speed_wish, 1);
+  }
+  EXPECT_EQ(f.state(), State::shut_down);
+  ASSERT_TRUE(f.until(State::lost_link, 10));
+  EXPECT_EQ(f.reason(),
+            "nothing heard since touch-down: the autopilot stops its motors");
 }
 
 TEST(Mission, ALinkThatReturnsGoesAround) {
@@ -1186,7 +1203,7 @@ std::vector<double> wishes_without_link(double z, double speed, Seconds silent_s
   std::vector<double> wishes;
   for (const Time end = f.now() + from_seconds(silent_s); f.now() < end;) {
     f.x().p_NB = Vector3(0, 0, z);
-    f.x().v_NB.setZero();
+    f.x().v_NB = Vector3(0, 0, -1);  // not as it is told
     f.step();
     wishes.push_back(f.c.platform_speed_wish);
   }
