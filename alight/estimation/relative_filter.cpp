@@ -118,12 +118,28 @@ void RelativeFilter::set_rig(const Camera& camera, const Constellation& leds,
   config_.led_position_sd_m = std::min(config_.led_position_sd_m, led_sd_m);
   camera_ = camera;
   leds_ = leds;
+  leds_learnt_ = false;
   stop();
+}
+
+void RelativeFilter::correct_leds(const Constellation& leds, const LedCovariance& cov) {
+  assert(leds.size() == leds_.size() && cov.rows() == 3 * leds.size());
+  if (initialized_) {
+    Vector15 change = Vector15::Zero();
+    for (int i = 0; i < leds.size(); ++i) {
+      change -= led_bias_.middleCols<3>(3 * i) * (leds.p_BL(i) - leds_.p_BL(i));
+    }
+    state_ = boxplus(state_, change);
+  }
+  leds_ = leds;
+  led_cov_ = cov;
+  leds_learnt_ = true;
+  watch_.begin_anew();
 }
 
 void RelativeFilter::reset(Time t, const RelativeState& x,
                            const Covariance9& covariance, const Vector3& d_N,
-                           const Vector3& b_N) {
+                           const Vector3& b_N, const LedFrame* taken_from) {
   assert(x.p_NB.allFinite() && x.R_NB.allFinite() && x.v_NB.allFinite());
   assert(covariance.allFinite() && d_N.allFinite() && b_N.allFinite());
   initialized_ = true;
@@ -139,10 +155,43 @@ void RelativeFilter::reset(Time t, const RelativeState& x,
     P_.diagonal().tail<3>().setConstant(b_sd * b_sd);
   }
   led_bias_.setZero();
+  report_ = UpdateReport{};
+  if (taken_from != nullptr && knows_led_errors()) {
+    led_bias_ = response_to_leds(*taken_from);
+    if (config_.learn_from_residuals) watch_fit(*taken_from);
+  }
   turn_ = unknown_turn();
   restless_ = 1;
   updates_ = 0;
   measured_v_NB_ = x.v_NB;
+}
+
+LedBias RelativeFilter::response_to_leds(const LedFrame& seen) const {
+  // The fit's normal equations, the covariance held against what it leaves open.
+  Matrix6 A = P_.topLeftCorner<6, 6>().inverse();
+  Eigen::Matrix<double, 6, Eigen::Dynamic, 0, 6, 3 * kMaxLeds> T(6, led_bias_.cols());
+  T.setZero();
+  for (const LedObservation& o : seen.seen) {
+    Matrix26 H;
+    if (!well_formed(o) ||
+        !project_observation(camera_, state_.x.X_NB(), leds_, o.leds, &H)) {
+      continue;
+    }
+    const Matrix2 noise =
+        o.cov + config_.pixel_sd_px * config_.pixel_sd_px * Matrix2::Identity();
+    const Eigen::Matrix<double, 6, 2> HtW = H.transpose() * noise.inverse();
+    A.noalias() += HtW * H;
+    const Eigen::Matrix<double, 6, 3> pull =
+        HtW * H.leftCols<3>() * state_.x.R_NB / std::popcount(o.leds);
+    for (int i = 0; i < leds_.size(); ++i) {
+      if ((o.leds >> i) & 1) T.middleCols<3>(3 * i) += pull;
+    }
+  }
+  LedBias response = LedBias::Zero(15, led_bias_.cols());
+  const Eigen::LLT<Matrix6> llt(A);
+  if (llt.info() == Eigen::Success) response.topRows<6>() = llt.solve(T);
+  if (!response.allFinite()) response.setZero();
+  return response;
 }
 
 Result<void> RelativeFilter::predict_to(Time t, const PredictionInput& given) {
@@ -297,7 +346,6 @@ RelativeFilter::Verdict RelativeFilter::judge(const LedObservation* seen,
 
   const Pose X_NB = state_.x.X_NB();
   const Matrix6 P = P_.topLeftCorner<6, 6>();
-  const Intrinsics& lens = camera_.intrinsics;
   const double white = config_.led_white_share * config_.led_white_share;
   const double scale = config_.learn_from_residuals ? watch_.noise() : 1;
   const double pixel = scale * config_.pixel_sd_px * config_.pixel_sd_px;
@@ -312,7 +360,7 @@ RelativeFilter::Verdict RelativeFilter::judge(const LedObservation* seen,
     const double z = predicted_depth(camera_, X_NB, leds_, o.leds);
     if (!uv || !(z > 0)) return Verdict::improbable;
     const int n = std::popcount(o.leds);
-    const Vector2 led = (led_sd_m() / z * Vector2(lens.fx, lens.fy)).cwiseAbs2() / n;
+    const Vector2 led = led_variance(o.leds, H_k, X_NB.linear(), z);
     H.template middleRows<2>(2 * k) = H_k;
     innovation.template segment<2>(2 * k) = o.uv - *uv;
     drawn.template segment<2>(2 * k) = white * led + Vector2::Constant(pixel / n);
@@ -458,9 +506,52 @@ void RelativeFilter::watch_residuals() {
   watch_.add({residuals.data(), residuals.size()});
 }
 
+void RelativeFilter::watch_fit(const LedFrame& seen) {
+  Matrix6 A = Matrix6::Zero();
+  for (const LedObservation& o : seen.seen) {
+    Matrix26 H;
+    const auto uv = project_observation(camera_, state_.x.X_NB(), leds_, o.leds, &H);
+    if (!uv || !well_formed(o)) continue;
+    const Matrix2 noise =
+        o.cov + config_.pixel_sd_px * config_.pixel_sd_px * Matrix2::Identity();
+    A.noalias() += H.transpose() * noise.inverse() * H;
+    report_.seen.push_back({.leds = o.leds,
+                            .uv = o.uv,
+                            .residual_px = o.uv - *uv,
+                            .variance_px2 = noise.trace()});
+  }
+  const Eigen::LLT<Matrix6> llt(A);
+  if (llt.info() == Eigen::Success && report_.seen.size() >= 3) {
+    const Matrix15 P = P_;
+    P_.topLeftCorner<6, 6>() = inverse_of(llt);
+    watch_residuals();
+    P_ = P;
+  }
+  report_ = UpdateReport{};
+}
+
 double RelativeFilter::led_sd_m() const {
   if (!config_.learn_from_residuals) return config_.led_position_sd_m;
   return kLedCaution * watch_.led_sd_m(config_.led_supposed_sd_m);
+}
+
+Vector2 RelativeFilter::led_variance(std::uint16_t leds, const Matrix26& H,
+                                     const Matrix3& R_NB, double z) const {
+  const Intrinsics& lens = camera_.intrinsics;
+  const int n = std::popcount(leds);
+  if (!leds_learnt_) {
+    return (led_sd_m() / z * Vector2(lens.fx, lens.fy)).cwiseAbs2() / n;
+  }
+  // They move their images, and have moved the state.
+  Eigen::Matrix<double, 2, Eigen::Dynamic, 0, 2, 3 * kMaxLeds> by_led =
+      -(H * led_bias_.topRows<6>());
+  const Eigen::Matrix<double, 2, 3> own = H.leftCols<3>() * R_NB / n;
+  for (int i = 0; i < leds_.size(); ++i) {
+    if ((leds >> i) & 1) by_led.middleCols<3>(3 * i) += own;
+  }
+  const Vector2 known =
+      by_led.lazyProduct(led_cov_).eval().cwiseProduct(by_led).rowwise().sum();
+  return known;
 }
 
 void RelativeFilter::learn_velocity() {
@@ -476,7 +567,10 @@ void RelativeFilter::learn_velocity() {
 Covariance9 RelativeFilter::covariance() const {
   Covariance9 total = tracking_covariance();
   const double led = led_sd_m();
-  if (led > 0) {
+  if (leds_learnt_) {
+    const auto B = led_bias_.topRows<9>();
+    total.noalias() += B.lazyProduct(led_cov_).eval().lazyProduct(B.transpose());
+  } else if (led > 0) {
     const auto B = led_bias_.topRows<9>();
     total.noalias() += led * led * B.lazyProduct(B.transpose());
   }

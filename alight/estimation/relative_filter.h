@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "alight/base/result.h"
+#include "alight/estimation/led_learner.h"
 #include "alight/estimation/map_update.h"
 #include "alight/estimation/motion_model.h"
 #include "alight/estimation/relative_filter_config.h"
@@ -25,11 +26,12 @@ class RelativeFilter {
   static Result<RelativeFilter> create(const RelativeFilterConfig& config,
                                        const Camera& camera, const Constellation& leds);
 
-  /// Begins anew; the disturbances are forgotten unless they are given.
+  /// Begins anew; the disturbances are forgotten unless they are given. What LEDs do to
+  /// a state that was fitted to a picture, `taken_from` tells.
   /// @pre everything finite, R_NB a rotation, covariance positive definite.
   void reset(Time t, const RelativeState& x, const Covariance9& covariance,
-             const Vector3& d_N = Vector3::Zero(),
-             const Vector3& b_N = Vector3::Zero());
+             const Vector3& d_N = Vector3::Zero(), const Vector3& b_N = Vector3::Zero(),
+             const LedFrame* taken_from = nullptr);
   bool initialized() const { return initialized_; }
 
   /// Forgets the state: initialized() is false until the next reset().
@@ -39,6 +41,19 @@ class RelativeFilter {
   /// known to `led_sd_m`, or as well as before if that is better. Forgets the state.
   /// @pre as many LEDs as before.
   void set_rig(const Camera& camera, const Constellation& leds, double led_sd_m);
+
+  /// LEDs as pictures have told take the place of those so far, known to `cov`; the
+  /// state moves to where it would be, had they been used since reset().
+  /// @pre as many LEDs as before; camera and frame of them as before.
+  void correct_leds(const Constellation& leds, const LedCovariance& cov);
+
+  /// By how much LEDs seem to be off, sd of each coordinate, m: what residuals show
+  /// that stay; 0 until they have told, or unless they are watched.
+  double led_sd_seen_m() const { return watch_.led_sd_m(); }
+  /// Factor on the claimed variances of images, as residuals show.
+  double image_noise() const {
+    return config_.learn_from_residuals ? watch_.noise() : 1;
+  }
 
   /// Carries the state to `t` with one input, constant since time().
   /// @returns invalid_input, and nothing changed: not initialized, t before time(),
@@ -121,6 +136,11 @@ class RelativeFilter {
   void learn_velocity();
   void watch_residuals();
   double led_sd_m() const;
+  void watch_fit(const LedFrame& seen);
+  LedBias response_to_leds(const LedFrame& seen) const;
+  /// Variance of the innovation by what is left of the LEDs' errors, px^2.
+  Vector2 led_variance(std::uint16_t leds, const Matrix26& H, const Matrix3& R_NB,
+                       double z) const;
   bool knows_led_errors() const {
     return config_.led_position_sd_m > 0 || config_.learn_from_residuals;
   }
@@ -137,6 +157,8 @@ class RelativeFilter {
   // First-order error of the state by the constant displacement of each LED (3 columns
   // each), carried along as the filter carries errors (Schmidt 1966, consider states).
   LedBias led_bias_;
+  bool leds_learnt_ = false;  // then led_cov_ holds, else led_sd_m()
+  LedCovariance led_cov_;
   ResidualWatch watch_;
   TurnRate turn_;
   double restless_ = 1;  // factor on the process noise

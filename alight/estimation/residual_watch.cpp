@@ -7,6 +7,8 @@ namespace alight {
 namespace {
 
 constexpr double kTold = 6;  // directions: those of one picture of six LEDs
+// A noise that seems larger may be the pose that is still settling.
+constexpr double kNoiseOfConstant = 3;
 
 }  // namespace
 
@@ -26,8 +28,9 @@ void ResidualWatch::add(std::span<const Residual> residuals) {
       expected += r.left * seen_[i] / (seen_[i] - 1);
     }
     mean_m_[i] += off_m / seen_[i];
-    constant += mean_m_[i].squaredNorm() -
-                noise_ * claimed_px2 * r.m_per_px * r.m_per_px / seen_[i];
+    constant += mean_m_[i].squaredNorm() - std::min(noise_, kNoiseOfConstant) *
+                                               claimed_px2 * r.m_per_px * r.m_per_px /
+                                               seen_[i];
   }
   pictures_ = std::min(pictures_ + 1, kMemory);
   if (expected > 0) {
@@ -40,9 +43,16 @@ void ResidualWatch::add(std::span<const Residual> residuals) {
   constant_m2_ += (share * constant / (2 * n) - constant_m2_) / pictures_;
 }
 
+void ResidualWatch::begin_anew() {
+  mean_m_.fill(Vector2::Zero());
+  seen_.fill(0);
+  constant_m2_ = 0;
+}
+
 double ResidualWatch::led_sd_m(double supposed_m) const {
   const double learnt_m = std::sqrt(std::max(constant_m2_, 0.0));
-  return told_ < kTold ? std::max(supposed_m, learnt_m) : learnt_m;
+  const double doubt = kTold / (kTold + told_);
+  return std::max(supposed_m * doubt * doubt, learnt_m);
 }
 
 }  // namespace alight

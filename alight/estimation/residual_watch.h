@@ -25,6 +25,9 @@ class ResidualWatch {
   /// The residuals of a picture at its fitted pose. Fewer than four LEDs say nothing.
   void add(std::span<const Residual> residuals);
 
+  /// The LEDs' positions have been corrected: what stays is learnt anew.
+  void begin_anew();
+
   /// Standard deviation of each coordinate of each LED's position, m: `supposed_m`
   /// until pictures tell otherwise.
   double led_sd_m(double supposed_m = 0) const;

@@ -1,5 +1,6 @@
 #include "alight/mission/relative_estimator.h"
 
+#include <Eigen/Eigenvalues>
 #include <bit>
 #include <cmath>
 
@@ -9,6 +10,7 @@ namespace {
 constexpr double kAnyFit = 1e9;       // px
 constexpr double kNearestLens = 0.1;  // m
 constexpr double kUsualMemory = 20;   // fits
+constexpr int kLearnerSteps = 2;      // for each picture that it keeps
 // Unseen for so long, be it that no picture came, the drone may not be where the
 // prediction has it.
 constexpr Seconds kLongUnseen = 0.15;
@@ -39,6 +41,7 @@ Result<void> RelativeEstimatorConfig::validate() const {
   if (auto good = resolver.validate(); !good) return good;
   if (auto good = filter.validate(); !good) return good;
   if (auto good = rest.validate(); !good) return good;
+  if (auto good = learner.validate(); !good) return good;
   if (!(prediction_step_ms >= 1 && prediction_step_ms <= 50)) {
     return fail(Fault::invalid_config, "prediction_step_ms must lie in [1, 50]");
   }
@@ -79,6 +82,8 @@ RelativeEstimatorConfig RelativeEstimatorConfig::camera_only() {
   RelativeEstimatorConfig config;
   config.prediction_step_ms = 50;  // nothing happens between pictures
   config.filter = RelativeFilterConfig::camera_only();
+  config.learn_leds = true;
+  config.tell_known = true;
   return config;
 }
 
@@ -103,7 +108,8 @@ RelativeEstimator::RelativeEstimator(const RelativeEstimatorConfig& config,
       tracker_(std::move(tracker)),
       resolver_(std::move(resolver)),
       filter_(std::move(filter)),
-      rivals_(config.rivals, rig.camera, filter_) {}
+      rivals_(config.rivals, rig.camera, filter_),
+      learner_(config.learner, rig.camera, rig.leds) {}
 
 Result<RelativeEstimator> RelativeEstimator::create(
     const RelativeEstimatorConfig& config, const Rig& rig) {
@@ -178,6 +184,15 @@ bool RelativeEstimator::fuse(const CameraFrame& frame, const MotionSource& motio
   }
   if (out.tracked) last_sight_ = frame.captured;
   if (filter_.initialized()) report_state(out);
+  // A drone that stands where it is known to stand tells more of its rig than that.
+  learning_ = learning_ || (config_.learn_leds && !expecting_ &&
+                            filter_.led_sd_seen_m() > config_.learn_leds_from_m);
+  if (out.tracked && learning_ && !known_enough_to_tell(out.cov)) {
+    out.tracked = false;
+    out.why_not =
+        "so far away nothing exact can be said with LEDs that are not where the rig "
+        "has them: calibrate the constellation";
+  }
   if (config_.frozen_pictures > 0) {
     FixedVector<Vector2, kMaxLeds> leds_px;
     if (out.tracked) {
@@ -287,6 +302,17 @@ double RelativeEstimator::exact_px() const {
   return std::max(config_.search_rms_px, config_.search_rms_factor * usual_rms_px());
 }
 
+bool RelativeEstimator::known_enough_to_tell(const Covariance9& cov) const {
+  const auto within = [](const Matrix3& part, double sd_max) {
+    Eigen::SelfAdjointEigenSolver<Matrix3> solver;
+    solver.computeDirect(part, Eigen::EigenvaluesOnly);
+    return solver.eigenvalues().maxCoeff() < sd_max * sd_max;
+  };
+  return !config_.tell_known ||
+         (within(cov.topLeftCorner<3, 3>(), config_.told_sd_m) &&
+          within(cov.block<3, 3>(3, 3), config_.told_sd_deg * kDegree));
+}
+
 bool RelativeEstimator::well_known() const {
   const auto P = filter_.tracking_covariance();
   const double p_sd = std::sqrt(P.topLeftCorner<3, 3>().trace());
@@ -331,7 +357,31 @@ bool RelativeEstimator::accept(const LedFrame& leds, std::size_t agreeing,
         usual_misfit_ > 0 ? (misfit - usual_misfit_) / kUsualMemory : misfit;
     usual_misfit_ = std::max(usual_misfit_, misfit_least_);
   }
+  if (out.tracked && config_.learn_leds && !expecting_) learn_leds(leds, *report);
   return out.tracked;
+}
+
+void RelativeEstimator::learn_leds(const LedFrame& leds, const UpdateReport& report) {
+  FixedVector<LedLearner::Image, kMaxLeds> images;
+  for (const ObservationReport& used : report.seen) {
+    if (!std::has_single_bit(used.leds) || used.variance_px2 <= 0) continue;
+    for (const LedObservation& o : leds.seen) {
+      if (o.leds != used.leds) continue;
+      const double variance = filter_.image_noise() * o.cov.trace() / 2;
+      images.push_back({std::countr_zero(o.leds), o.uv, variance});
+    }
+  }
+  if (learner_.offer(filter_.state().X_NB(), {images.data(), images.size()})) {
+    steps_ = kLearnerSteps;
+  }
+  if (!learning_ || steps_ == 0) return;
+  --steps_;
+  if (!learner_.step()) return;
+  leds_ = learner_.leds();
+  filter_.correct_leds(leds_, learner_.cov());
+  tracker_.set_rig(camera_, leds_, config_.tracker.led_sd_m);
+  resolver_.set_rig(camera_, leds_);
+  leds_moved_ = true;
 }
 
 FixedVector<Vector2, kMaxLeds> RelativeEstimator::image_motion(const Pose& X_NB) const {
@@ -349,6 +399,11 @@ FixedVector<Vector2, kMaxLeds> RelativeEstimator::image_motion(const Pose& X_NB)
 
 void RelativeEstimator::search(const CameraFrame& frame, const MotionSource& motion,
                                FrameReport& out, Probe* probe) {
+  if (leds_moved_) {
+    finder_.set_rig(camera_, leds_, config_.finder.led_sd_m);
+    rivals_.set_rig(camera_, filter_);
+    leds_moved_ = false;
+  }
   Result<BlobSpan> blobs = fail(Fault::invalid_input);
   {
     const ProbeScope scope(probe, Stage::detect);
@@ -423,7 +478,8 @@ void RelativeEstimator::search(const CameraFrame& frame, const MotionSource& mot
     b_N = filter_.motion_state().b_N;
     velocity_sd = std::max(0.3, 2 * filter_.velocity_sd());
   }
-  filter_.reset(frame.captured, x, covariance_of(found->fit, velocity_sd), d_N, b_N);
+  filter_.reset(frame.captured, x, covariance_of(found->fit, velocity_sd), d_N, b_N,
+                &found->frame);
   rivals_.clear();
   misses_ = 0;
   confirmations_ = 0;
@@ -544,6 +600,7 @@ Result<RestFit> RelativeEstimator::calibrate_at_rest() {
   const Time t = filter_.time();
   filter_.set_rig(camera_, leds_, led_sd_m);
   rivals_.set_rig(camera_, filter_);
+  config_.learn_leds = learning_ = leds_moved_ = false;
   // They fit where it stands, whatever is wrong with them elsewhere.
   misfit_least_ = led_sd_m * camera_.intrinsics.fx;
   RelativeState x;

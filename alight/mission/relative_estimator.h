@@ -1,4 +1,5 @@
 #pragma once
+#include "alight/estimation/led_learner.h"
 #include "alight/estimation/relative_filter.h"
 #include "alight/estimation/rest_calibration.h"
 #include "alight/mission/landing_io.h"
@@ -28,6 +29,9 @@ struct RelativeEstimatorConfig {
   std::size_t held_leds = 4;      ///< So many told one by one among lamps do without
                                   ///< the tracker.
   RelativeFilterConfig filter;
+  bool learn_leds = false;  ///< Where LEDs are, once residuals show them to be off by
+  double learn_leds_from_m = 0.0003;  ///< this much (sd).
+  LedLearnerConfig learner;
   RestCalibrationConfig rest;
   bool keep_rivals =
       true;  ///< Poses that one picture cannot tell apart, until more do.
@@ -43,7 +47,12 @@ struct RelativeEstimatorConfig {
   // Fewer than three LEDs do for a pose that is known this well (sd) with them:
   double known_sd_m = 0.05;
   double known_sd_deg = 7;
-  double known_sd_m_s = 0.2;        ///< Speed is known, after the LEDs were lost.
+  double known_sd_m_s = 0.2;  ///< Speed is known, after the LEDs were lost.
+  // Where LEDs have shown to be off, a pose is told as tracked only if known to (sd in
+  // its worst direction)
+  bool tell_known = false;
+  double told_sd_m = 0.045;  ///< this: 0.15 m would be more than three times as much,
+  double told_sd_deg = 4.5;  ///< as 15 deg of this.
   int misses_before_search = 3;     ///< Frames without a match before the whole picture
                                     ///< is searched,
   int leds_after_misses = 4;        ///< and LEDs needed to be taken up again from then,
@@ -145,6 +154,7 @@ class RelativeEstimator {
   bool accept(const LedFrame& leds, std::size_t agreeing, double rms_max_px,
               FrameReport& out, Probe* probe);
   bool well_known() const;
+  bool known_enough_to_tell(const Covariance9& cov) const;
   /// A fit of LEDs is at least so exact, as far as has been seen.
   double exact_px() const;
   double usual_rms_px() const;
@@ -155,6 +165,7 @@ class RelativeEstimator {
   FixedVector<Vector2, kMaxLeds> image_motion(const Pose& X_NB) const;
   void report_state(FrameReport& out) const;
   void remember_rest(const LedFrame& leds);
+  void learn_leds(const LedFrame& leds, const UpdateReport& report);
 
   RelativeEstimatorConfig config_;
   Time step_;
@@ -167,6 +178,10 @@ class RelativeEstimator {
   LedResolver resolver_;
   RelativeFilter filter_;
   RivalPoses rivals_;
+  LedLearner learner_;
+  bool learning_ = false;    // residuals have shown that LEDs are off
+  int steps_ = 0;            // that the learner still is to make
+  bool leds_moved_ = false;  // finder and rivals do not know of it yet
   // Of fits to five LEDs and more, rms times distance, px m: LEDs that are not where
   // the rig says misfit by more pixels the nearer they are. 0: not known.
   double usual_misfit_ = 0, misfit_least_ = 0;
