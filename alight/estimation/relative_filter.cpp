@@ -507,6 +507,8 @@ void RelativeFilter::watch_residuals() {
 }
 
 void RelativeFilter::watch_fit(const LedFrame& seen) {
+  // Lights that run together say little of where each LED is.
+  if (!seen.groups.empty()) return;
   Matrix6 A = Matrix6::Zero();
   for (const LedObservation& o : seen.seen) {
     Matrix26 H;
