@@ -22,7 +22,7 @@ RelativeEstimatorConfig estimator_config(double led_sd_m) {
   config.finder.led_sd_m = led_sd_m;
   config.tracker.led_sd_m = led_sd_m;
   config.filter.led_position_sd_m = led_sd_m;
-  config.learn_leds = config.tell_known = false;  // that is what it is for
+  config.learn_leds = false;  // that is what it is for
   return config;
 }
 

@@ -159,13 +159,11 @@ void Mission::go(MissionState to, const char* reason, const MissionInput& in,
     case MissionState::go_around:
     case MissionState::hold:
       move_to(config_.follow_point, config_.move_speed_m_s, in);
-      if (config_.way_back && from == MissionState::land && in.platform_ready) {
+      if (config_.way_back && from == MissionState::land &&
+          to == MissionState::go_around && in.platform_ready) {
         // Begun at once; better is a way that is certified not to leave the picture.
-        PlanRequest back;
+        PlanRequest back = request_from_reference(in);
         back.way_back = true;
-        back.start = in.now + from_seconds(config_.plan_ahead_s);
-        back.from = maneuver_.at(back.start);
-        back.platform = predict(in.platform, config_.plan_ahead_s);
         back.has_return = true;
         back.return_to = config_.follow_point;
         ask(back, in, out);
@@ -741,12 +739,16 @@ void Mission::follow(const MissionInput& in, Output& out) {
   }
 }
 
-void Mission::request_plan(const MissionInput& in, Output& out) {
+PlanRequest Mission::request_from_reference(const MissionInput& in) const {
   PlanRequest request;
   request.start = in.now + from_seconds(config_.plan_ahead_s);
   request.from = maneuver_.at(request.start);
   request.platform = predict(in.platform, config_.plan_ahead_s);
-  ask(request, in, out);
+  return request;
+}
+
+void Mission::request_plan(const MissionInput& in, Output& out) {
+  ask(request_from_reference(in), in, out);
   ++plan_tries_;
 }
 

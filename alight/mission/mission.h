@@ -48,6 +48,8 @@ class Mission {
   using Command = MissionCommand;
   void go(MissionState to, const char* reason, const MissionInput& in, Output& out);
   void move_to(const Vector3& p_NB, double speed, const MissionInput& in);
+  /// From where the reference will be when a plan can be in force.
+  PlanRequest request_from_reference(const MissionInput& in) const;
   void request_plan(const MissionInput& in, Output& out);
   void ask(PlanRequest request, const MissionInput& in, Output& out);
   /// The plan that was asked for, once; null as long as there is none.

@@ -1,6 +1,5 @@
 #include "alight/mission/relative_estimator.h"
 
-#include <Eigen/Eigenvalues>
 #include <bit>
 #include <cmath>
 
@@ -187,12 +186,6 @@ bool RelativeEstimator::fuse(const CameraFrame& frame, const MotionSource& motio
   // A drone that stands where it is known to stand tells more of its rig than that.
   learning_ = learning_ || (config_.learn_leds && !expecting_ &&
                             filter_.led_sd_seen_m() > config_.learn_leds_from_m);
-  if (out.tracked && learning_ && !known_enough_to_tell(out.cov)) {
-    out.tracked = false;
-    out.why_not =
-        "so far away nothing exact can be said with LEDs that are not where the rig "
-        "has them: calibrate the constellation";
-  }
   if (config_.frozen_pictures > 0) {
     FixedVector<Vector2, kMaxLeds> leds_px;
     if (out.tracked) {
@@ -300,17 +293,6 @@ double RelativeEstimator::usual_rms_px() const {
 
 double RelativeEstimator::exact_px() const {
   return std::max(config_.search_rms_px, config_.search_rms_factor * usual_rms_px());
-}
-
-bool RelativeEstimator::known_enough_to_tell(const Covariance9& cov) const {
-  const auto within = [](const Matrix3& part, double sd_max) {
-    Eigen::SelfAdjointEigenSolver<Matrix3> solver;
-    solver.computeDirect(part, Eigen::EigenvaluesOnly);
-    return solver.eigenvalues().maxCoeff() < sd_max * sd_max;
-  };
-  return !config_.tell_known ||
-         (within(cov.topLeftCorner<3, 3>(), config_.told_sd_m) &&
-          within(cov.block<3, 3>(3, 3), config_.told_sd_deg * kDegree));
 }
 
 bool RelativeEstimator::well_known() const {

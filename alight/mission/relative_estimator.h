@@ -47,12 +47,7 @@ struct RelativeEstimatorConfig {
   // Fewer than three LEDs do for a pose that is known this well (sd) with them:
   double known_sd_m = 0.05;
   double known_sd_deg = 7;
-  double known_sd_m_s = 0.2;  ///< Speed is known, after the LEDs were lost.
-  // Where LEDs have shown to be off, a pose is told as tracked only if known to (sd in
-  // its worst direction)
-  bool tell_known = false;
-  double told_sd_m = 0.045;  ///< this: 0.15 m would be more than three times as much,
-  double told_sd_deg = 4.5;  ///< as 15 deg of this.
+  double known_sd_m_s = 0.2;        ///< Speed is known, after the LEDs were lost.
   int misses_before_search = 3;     ///< Frames without a match before the whole picture
                                     ///< is searched,
   int leds_after_misses = 4;        ///< and LEDs needed to be taken up again from then,
@@ -154,7 +149,6 @@ class RelativeEstimator {
   bool accept(const LedFrame& leds, std::size_t agreeing, double rms_max_px,
               FrameReport& out, Probe* probe);
   bool well_known() const;
-  bool known_enough_to_tell(const Covariance9& cov) const;
   /// A fit of LEDs is at least so exact, as far as has been seen.
   double exact_px() const;
   double usual_rms_px() const;
