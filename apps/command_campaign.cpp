@@ -22,6 +22,7 @@
 #include "command.h"
 #include "json.h"
 #include "rig_option.h"
+#include "without_option.h"
 
 using namespace alight;
 
@@ -32,6 +33,7 @@ struct Settings {
   std::string rig, out, profile = "default";
   std::string faults, plots;
   std::vector<std::string> only_faults;
+  std::vector<Part> without;
   std::vector<double> at_s = {0.5, 1.2, 1.8, 2.5, 4, 6, 7.6, 8.6, 9.3, 9.9};
   bool pairs = false;
   int seeds = 20;
@@ -115,6 +117,7 @@ Result<CampaignOptions> options_of(const Settings& settings) {
     if (auto good = put_faults(settings, options); !good) return fail(good.error());
   }
   options.profile = settings.profile == "paper" ? Profile::paper : Profile::standard;
+  options.without = settings.without;
   options.first_seed = static_cast<std::uint64_t>(settings.first_seed);
   options.seeds = settings.seeds;
   options.jobs = settings.jobs;
@@ -160,12 +163,18 @@ std::string land_command(const Settings& settings, const CampaignScenario& scena
   std::string line = "alight land --scenario " + file;
   if (!settings.rig.empty()) line += " --rig " + settings.rig;
   if (settings.profile != "default") line += " --profile " + settings.profile;
+  for (const Part part : settings.without) {
+    line += std::string(" --without ") + to_string(part);
+  }
   if (settings.timeout_s != Settings{}.timeout_s) {
     line += " --timeout " + number_text(settings.timeout_s);
   }
   if (settings.no_depth) line += " --no-depth";
   std::string name = stem(file);
   if (settings.profile != "default") name += "_" + settings.profile;
+  for (const Part part : settings.without) {
+    name += std::string("_without_") + to_string(part);
+  }
   const std::string number = std::to_string(seed);
   return line + " --seed " + number + " --out runs/" + name + "-" + number;
 }
@@ -287,8 +296,11 @@ Result<void> campaign(const Settings& settings) {
     pictures = std::move(*saved);
   }
   if (settings.json) {
+    Json without = Json::array();
+    for (const Part part : settings.without) without.push_back(to_string(part));
     const Json document{{"version", options->version},
                         {"profile", settings.profile},
+                        {"without", without},
                         {"perfect_rig", settings.perfect_rig},
                         {"first_seed", settings.first_seed},
                         {"seeds", settings.seeds},
@@ -307,6 +319,13 @@ Result<void> campaign(const Settings& settings) {
     for (const std::string& picture : pictures) std::cout << picture << '\n';
   }
   return {};
+}
+
+Json as_json(const PairedShare& s) {
+  return {{"both", s.both},        {"only_a", s.only_a},
+          {"only_b", s.only_b},    {"neither", s.neither},
+          {"mcnemar_p", s.p},      {"difference_b_less_a", s.difference},
+          {"low", s.interval.low}, {"high", s.interval.high}};
 }
 
 struct CompareSettings {
@@ -337,14 +356,9 @@ Result<void> compare(const CompareSettings& settings) {
     for (const PairedFigure& f : c.figures) figures.push_back(as_json(f));
     scenarios.push_back({{"scenario", c.scenario},
                          {"pairs", c.landed.pairs()},
-                         {"both_landed", c.landed.both},
-                         {"only_a_landed", c.landed.only_a},
-                         {"only_b_landed", c.landed.only_b},
-                         {"neither_landed", c.landed.neither},
-                         {"mcnemar_p", c.landed.p},
-                         {"difference_b_less_a", c.landed.difference},
-                         {"difference_low", c.landed.interval.low},
-                         {"difference_high", c.landed.interval.high},
+                         {"landed", as_json(c.landed)},
+                         {"first_try", as_json(c.first_try)},
+                         {"crashed", as_json(c.crashed)},
                          {"alone_a", c.alone_a},
                          {"alone_b", c.alone_b},
                          {"figures", figures}});
@@ -361,7 +375,8 @@ void add_compare(CLI::App& campaign, Job& job) {
   command->add_option("B", settings->b.store, "Store; may be the same")->required();
   const auto choose = [&](const std::string& side, CampaignSide& of) {
     command->add_option("--profile-" + side, of.profile,
-                        "Only landings of this profile");
+                        "Only landings of this profile, as \"default without "
+                        "escape\"");
     command->add_option("--version-" + side, of.version,
                         "Only of the program whose version begins so");
     command->add_option("--scenario-" + side, of.scenario,
@@ -395,6 +410,7 @@ void add_campaign(CLI::App& app, Job& job) {
   command->add_option("--profile", settings->profile, "default or paper")
       ->check(CLI::IsMember({"default", "paper"}))
       ->capture_default_str();
+  add_without(*command, settings->without);
   command->add_flag("--perfect-rig", settings->perfect_rig,
                     "The rig that flies is as written down");
   command->add_option("--jobs", settings->jobs, "Threads; 0: one a core")

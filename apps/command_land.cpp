@@ -9,6 +9,7 @@
 #include "checks.h"
 #include "command.h"
 #include "rig_option.h"
+#include "without_option.h"
 
 namespace {
 
@@ -16,6 +17,7 @@ using namespace alight;
 
 struct LandSettings {
   std::string scenario, rig, out, frames, profile = "default";
+  std::vector<Part> without;
   std::uint64_t seed = 1;
   double timeout_s = 60;
   bool json = false;
@@ -60,6 +62,7 @@ Result<void> land(const LandSettings& settings) {
     options.scenario = *scenario;
   }
   options.profile = settings.profile == "paper" ? Profile::paper : Profile::standard;
+  options.without = settings.without;
   options.seed = settings.seed;
   options.timeout_s = settings.timeout_s;
   options.depth = !settings.no_depth;
@@ -122,6 +125,7 @@ void add_land(CLI::App& app, Job& job) {
   command->add_option("--profile", settings->profile, "default or paper")
       ->check(CLI::IsMember({"default", "paper"}))
       ->capture_default_str();
+  add_without(*command, settings->without);
   command->add_option("--out", settings->out, "Folder for the record and its pictures")
       ->check(named());
   command

@@ -148,8 +148,11 @@ AttitudeOutput AttitudeController::step(const AttitudeInput& in, Seconds dt) {
   const Vector3 kp(c.kp, c.kp, c.kp_z), kv(c.kv, c.kv, c.kv_z), ka(c.ka, c.ka, c.ka_z);
   const double lag = 2 * response_.zeta / response_.omega_rad_s;
   const Vector3 lead(lag, lag, response_.motor_ms * 1e-3);
-  const Vector3 u_A = R_AN * f + lead.cwiseProduct(R_AN * f_rate) +
-                      kp.cwiseProduct(R_AN * e_p) + kv.cwiseProduct(R_AN * e_v) +
+  const Vector3 forward_A = config_.feed_forward
+                                ? Vector3(R_AN * f + lead.cwiseProduct(R_AN * f_rate))
+                                : Vector3(R_AN * (-d_N - gravity_N(in.platform)));
+  const Vector3 u_A = forward_A + kp.cwiseProduct(R_AN * e_p) +
+                      kv.cwiseProduct(R_AN * e_v) +
                       ka.cwiseProduct(R_AN * (f - f_model));
   out.f_wish_N = R_NA * u_A;
 

@@ -21,7 +21,9 @@ struct AttitudeControllerConfig {
 
   double disturbance_lag_s = 0.2;  ///< Low-pass on d_N before it is countered.
 
-  double drag_per_s = 0.3;  ///< Air resistance by speed over ground, fed forward.
+  double drag_per_s = 0.3;   ///< Air resistance by speed over ground, fed forward.
+  bool feed_forward = true;  ///< What reference and platform ask for; without it only
+                             ///< weight and disturbance are countered.
 
   double error_max_m = 0.6;             ///< Position errors act as if no larger,
   double velocity_error_max_m_s = 1.5;  ///< nor velocity errors.

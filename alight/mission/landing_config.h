@@ -25,6 +25,7 @@ struct LandingConfig {
   AttitudeControllerConfig attitude;
   PidControllerConfig pid;
 
+  bool delay_compensation = true;   ///< Acts for when a set-point takes effect.
   double event_age_max_s = 0.5;     ///< Older events are counted and refused.
   double heading_smoothing = 0.05;  ///< Share of the newest heading difference.
   // The odometry's share in the pose the autopilot is sent.

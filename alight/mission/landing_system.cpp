@@ -286,8 +286,9 @@ Setpoint LandingSystem::Parts::resting_setpoint(const PlatformState& at,
 
 void LandingSystem::Parts::control(const MissionCommand& command, Time now,
                                    const MotionState& state, Output& out) {
-  const Time t_eff = now + link.delay() + from_seconds(config.response.delay_ms * 1e-3);
-  response.advance(t_eff);
+  const Time acts = now + link.delay() + from_seconds(config.response.delay_ms * 1e-3);
+  const Time t_eff = config.delay_compensation ? acts : now;
+  response.advance(acts);
   const PlatformState platform_eff = platform.at(t_eff);
   switch (command.mode) {
     case MissionCommand::Mode::silent:

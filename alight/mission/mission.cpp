@@ -739,11 +739,19 @@ void Mission::follow(const MissionInput& in, Output& out) {
   }
 }
 
+PlatformState Mission::platform_at(Time t, const MissionInput& in) const {
+  if (config_.plan_with_turns) return predict(in.platform, to_seconds(t - in.now));
+  PlatformState straight_on;
+  straight_on.X_IN = in.platform.X_IN;
+  straight_on.v_IN_N = in.platform.v_IN_N;
+  return straight_on;
+}
+
 PlanRequest Mission::request_from_reference(const MissionInput& in) const {
   PlanRequest request;
   request.start = in.now + from_seconds(config_.plan_ahead_s);
   request.from = maneuver_.at(request.start);
-  request.platform = predict(in.platform, config_.plan_ahead_s);
+  request.platform = platform_at(request.start, in);
   return request;
 }
 
@@ -784,7 +792,7 @@ void Mission::replan(const MissionInput& in, Output& out) {
   if (maneuver_.past_end(in_force) > -touch_down_.begins_before_end()) return;
   Replan anew;
   anew.in_force = in_force;
-  anew.platform = predict(in.platform, config_.plan_ahead_s);
+  anew.platform = platform_at(in_force, in);
   ++replans_;
   anew.sweep =
       config_.replan_sweep_every > 0 && replans_ % config_.replan_sweep_every == 0;
@@ -893,7 +901,7 @@ void Mission::land(const MissionInput& in, Command& c, Output& out) {
     // Below it there is no certified way back.
     const double commit_height =
         std::max(gear_height_ + config_.commit_height_m,
-                 plan_.escape.exists ? plan_.escape.height_m : 0);
+                 config_.way_back && plan_.escape.exists ? plan_.escape.height_m : 0);
     if (config_.wait_error_m > 0 &&
         ref.p_NB.z() < commit_height + config_.wait_room_m) {
       // Gusts pass: better to wait above the pad than to touch beside its middle.

@@ -49,6 +49,8 @@ class Mission {
   void go(MissionState to, const char* reason, const MissionInput& in, Output& out);
   void move_to(const Vector3& p_NB, double speed, const MissionInput& in);
   /// From where the reference will be when a plan can be in force.
+  /// As plans are told it.
+  PlatformState platform_at(Time t, const MissionInput& in) const;
   PlanRequest request_from_reference(const MissionInput& in) const;
   void request_plan(const MissionInput& in, Output& out);
   void ask(PlanRequest request, const MissionInput& in, Output& out);

@@ -32,12 +32,15 @@ struct MissionConfig {
   double settle_speed_m_s = 0.35;  ///< and no faster against it.
 
   double plan_ahead_s = 0.12;  ///< From request to the start of the trajectory.
+  bool plan_with_turns =
+      true;  ///< Plans are told how the platform turns and speeds up.
   double plan_retry_s = 0.25;
   int plan_tries = 8;  ///< Then back to follow.
 
   double replan_every_s = 0.3;  ///< While landing, until its end is near; 0: never.
   int replan_sweep_every = 4;   ///< Of these one samples the durations again.
-  bool way_back = true;         ///< Goes around on a certified way, where there is one.
+  bool way_back = true;         ///< Goes around on a certified way, where there is one,
+                                ///< and commits where that ends.
 
   double commit_height_m = 0.08;  ///< Above gear height; below, landing is the safe
                                   ///< choice. A climb takes 6 cm to begin.

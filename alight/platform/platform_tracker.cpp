@@ -125,7 +125,16 @@ PlatformState PlatformTracker::at(Time t) const {
   }
   std::uint64_t k = count_ - 1;
   while (k > first_ && history_[k % kHistory].t > t) --k;
-  PlatformState state = predicted(history_[k % kHistory], t);
+  const Fused& last = history_[k % kHistory];
+  if (!config_.carry_forward) {
+    PlatformState as_it_was;
+    as_it_was.t = t;
+    as_it_was.X_IN = last.X_IN;
+    as_it_was.v_IN_N = last.v_N;
+    as_it_was.w_IN_N = last.w_N;
+    return as_it_was;
+  }
+  PlatformState state = predicted(last, t);
 
   const double ahead = to_seconds(t - imu_t_);
   if (has_imu_ && ahead > kImuBefore && ahead < kImuAhead) {

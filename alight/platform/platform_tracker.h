@@ -16,6 +16,7 @@ struct PlatformTrackerConfig {
   double imu_force_tau_s = 0.06;     ///< Smoothing of the IMU's specific force, which
                                      ///< is carried on with its rate of change.
   double stale_after_s = 0.3;        ///< Older odometry is not to be acted on.
+  bool carry_forward = true;         ///< False: the last odometry is taken for now.
   double predict_max_s = 0.5;        ///< Beyond this the prediction stands still.
   double gap_max_s = 0.2;            ///< A longer gap starts the derivatives anew.
 

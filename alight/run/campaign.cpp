@@ -58,7 +58,7 @@ CampaignKey Work::key(const CampaignRun& run) const {
   return {options_.scenarios[run.scenario].name,
           scenario_hashes_[run.scenario],
           rig_hash_,
-          options_.profile == Profile::paper ? "paper" : "default",
+          configuration_name(options_.profile, options_.without),
           run.seed,
           options_.timeout_s,
           options_.depth,
@@ -94,6 +94,7 @@ Result<LandingResult> Work::land(const CampaignRun& run) const {
   one.rig = options_.rig;
   one.safety = options_.safety;
   one.profile = options_.profile;
+  one.without = options_.without;
   one.seed = run.seed;
   one.timeout_s = options_.timeout_s;
   one.depth = options_.depth;

@@ -26,6 +26,7 @@ struct CampaignOptions {
   Rig rig;
   Safety safety;
   Profile profile = Profile::standard;
+  std::vector<Part> without = {};  ///< Parts that are left out (standard profile).
   std::uint64_t first_seed = 1;
   int seeds = 20;
   double timeout_s = 60;  ///< Of each landing, simulated.

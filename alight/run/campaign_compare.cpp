@@ -137,17 +137,31 @@ CampaignComparison compare_scenario(const std::string& name,
     of_b.push_back(&twin->second.result);
   }
   c.alone_b = static_cast<int>(b.size() - of_a.size());
-  int counts[2][2] = {{0, 0}, {0, 0}};
-  for (std::size_t i = 0; i < of_a.size(); ++i) {
-    const bool with_a = of_a[i]->outcome == Outcome::landed;
-    const bool with_b = of_b[i]->outcome == Outcome::landed;
-    ++counts[with_a ? 1 : 0][with_b ? 1 : 0];
-  }
-  c.landed = paired_share(counts[1][1], counts[1][0], counts[0][1], counts[0][0]);
+  const auto share = [&](auto holds) {
+    int counts[2][2] = {{0, 0}, {0, 0}};
+    for (std::size_t i = 0; i < of_a.size(); ++i) {
+      ++counts[holds(*of_a[i]) ? 1 : 0][holds(*of_b[i]) ? 1 : 0];
+    }
+    return paired_share(counts[1][1], counts[1][0], counts[0][1], counts[0][0]);
+  };
+  c.landed = share([](const LandingResult& r) { return r.outcome == Outcome::landed; });
+  c.first_try = share([](const LandingResult& r) {
+    return r.outcome == Outcome::landed && r.attempts == 1;
+  });
+  c.crashed =
+      share([](const LandingResult& r) { return r.outcome == Outcome::crashed; });
   for (const Figure& figure : kFigures) {
     c.figures.push_back(compare_figure(figure, of_a, of_b));
   }
   return c;
+}
+
+void append_share(std::string& text, const char* name, const PairedShare& s) {
+  append_format(text,
+                "  %-24s A %d, B %d; only A %d, only B %d: B - A = %+.2f %% "
+                "(95 %%: %+.2f to %+.2f), McNemar p = %.3g\n",
+                name, s.both + s.only_a, s.both + s.only_b, s.only_a, s.only_b,
+                100 * s.difference, 100 * s.interval.low, 100 * s.interval.high, s.p);
 }
 
 }  // namespace
@@ -208,13 +222,10 @@ std::string comparison_text(const std::vector<CampaignComparison>& comparisons) 
     if (c.alone_a + c.alone_b > 0) {
       append_format(text, "; %d of A and %d of B have no twin", c.alone_a, c.alone_b);
     }
-    append_format(
-        text,
-        "\n  landed                   A %d, B %d; only A %d, only B %d: B - A = %+.2f "
-        "%% "
-        "(95 %%: %+.2f to %+.2f), McNemar p = %.3g\n",
-        l.both + l.only_a, l.both + l.only_b, l.only_a, l.only_b, 100 * l.difference,
-        100 * l.interval.low, 100 * l.interval.high, l.p);
+    text += '\n';
+    append_share(text, "landed", l);
+    append_share(text, "landed at the first try", c.first_try);
+    append_share(text, "crashed", c.crashed);
     for (const PairedFigure& f : c.figures) {
       if (f.pairs == 0) continue;
       append_format(text, "  %-24s A %.4g, B %.4g; B - A = %+.3g", f.name.c_str(),

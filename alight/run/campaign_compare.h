@@ -46,7 +46,7 @@ struct PairedFigure {
 
 struct CampaignComparison {
   std::string scenario;
-  PairedShare landed;
+  PairedShare landed, first_try, crashed;
   int alone_a = 0, alone_b = 0;  ///< Landings without their twin.
   std::vector<PairedFigure> figures;
 };

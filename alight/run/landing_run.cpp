@@ -169,6 +169,7 @@ LandingConfig landing_config(const LandingRunOptions& options) {
     config.interface = ControlInterface::velocity;
     config.pid.platform_feed_forward = true;
   }
+  for (const Part part : options.without) config = without(part, config);
   config.mission.start_on_floor = options.scenario.start.place == StartPlace::floor;
   config.mission.safety = options.safety;
   return config;
@@ -177,6 +178,13 @@ LandingConfig landing_config(const LandingRunOptions& options) {
 SceneAt scene(const TruthState& truth) { return {truth.platform.X_IN, truth.X_NB}; }
 
 }  // namespace
+
+std::string configuration_name(Profile profile, const std::vector<Part>& without) {
+  std::string name = profile == Profile::paper ? "paper" : "default";
+  if (!without.empty()) name += " without";
+  for (const Part part : without) name += std::string(" ") + to_string(part);
+  return name;
+}
 
 const char* to_string(Outcome outcome) {
   switch (outcome) {

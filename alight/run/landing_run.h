@@ -6,6 +6,7 @@
 #include <string>
 
 #include "alight/base/result.h"
+#include "alight/mission/ablation.h"
 #include "alight/mission/landing_system.h"
 #include "alight/planning/plan.h"
 #include "alight/sim/world.h"
@@ -24,8 +25,12 @@ struct LandingRunOptions {
   double step_ms = 10;
   double go_at_s = 1;  ///< When the operator says go,
   double hold_at_s = std::numeric_limits<double>::infinity();  ///< and hold.
-  bool depth = true;  ///< Render depth pictures too.
+  bool depth = true;               ///< Render depth pictures too.
+  std::vector<Part> without = {};  ///< Parts that are left out (standard profile).
 };
+
+/// "paper", "default" or "default without PART ...": what stores and records call it.
+std::string configuration_name(Profile profile, const std::vector<Part>& without);
 
 enum class Outcome : std::uint8_t {
   landed,

@@ -44,6 +44,21 @@ TEST(AttitudeController, LeansTowardsTheErrorAndAgainstTheDisturbance) {
             1.05 / DroneSpec{}.thrust_to_weight);
 }
 
+TEST(AttitudeController, WithoutFeedForwardATurnIsNotLeantInto) {
+  AttitudeInput in = at_rest();
+  in.platform.a_IN_N = in.platform_later.a_IN_N = Vector3(0, 0.5, 0);
+  in.state.v_NB.setZero();
+  const auto lean = [&](bool feed_forward) {
+    AttitudeControllerConfig config;
+    config.feed_forward = feed_forward;
+    config.ka = config.ka_z = 0;  // what is left is forward or nothing
+    AttitudeController controller = AttitudeController::create(config, {}, {}).value();
+    return controller.step(in, 0.01).setpoint.q_IB.toRotationMatrix()(1, 2);
+  };
+  EXPECT_NEAR(lean(true), 0.5 / kGravity, 2e-3);
+  EXPECT_NEAR(lean(false), 0, 1e-12);
+}
+
 TEST(AttitudeController, TurnsWithTheAutopilotsHeading) {
   // The same situation told in an inertial frame whose heading differs by h.
   AttitudeInput in = at_rest();

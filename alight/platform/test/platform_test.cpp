@@ -87,6 +87,21 @@ TEST(PlatformTracker, CarriesACircleForward) {
   }
 }
 
+TEST(PlatformTracker, MayTakeTheLastOdometryForNow) {
+  Rng rng(1);
+  PlatformTrackerConfig config;
+  config.carry_forward = false;
+  PlatformTracker tracker(config);
+  for (int k = 0; k <= 100; ++k) ASSERT_TRUE(tracker.add(reading(0.02 * k, rng, 0)));
+  for (const double t : {2.0, 2.1, 2.9}) {
+    const PlatformState x = tracker.at(from_seconds(t));
+    EXPECT_TRUE(x.X_IN.isApprox(circling(2).X_IN, 1e-9)) << t;
+    EXPECT_EQ(x.a_IN_N, Vector3::Zero());
+    EXPECT_EQ(x.t, from_seconds(t));
+  }
+  EXPECT_EQ(tracker.resets(), 0u);
+}
+
 TEST(PlatformTracker, SmoothsWhatIsNoisy) {
   double square_v = 0, square_a = 0;
   int n = 0;

@@ -97,6 +97,8 @@ TEST_F(Stores, PairsByScenarioAndSeed) {
   const CampaignComparison& c = all->front();
   EXPECT_EQ(c.landed.pairs(), 7);
   EXPECT_EQ(c.landed.both, 7);
+  EXPECT_EQ(c.first_try.neither, 7);  // none of these says that it tried
+  EXPECT_EQ(c.crashed.neither, 7);
   EXPECT_EQ(c.alone_a, 1);
   EXPECT_EQ(c.alone_b, 1);
   EXPECT_EQ(c.figures[0].pairs, 7);
@@ -118,6 +120,7 @@ TEST_F(Stores, OneStoreHoldsBothWhenTold) {
   const auto all = compare_campaigns(a, b);
   ASSERT_TRUE(all) << all.error().detail;
   EXPECT_EQ(all->front().landed.only_b, 6);
+  EXPECT_EQ(all->front().crashed.only_a, 6);
   EXPECT_NEAR(all->front().landed.p, 2.0 / 64, 1e-12);
 }
 
