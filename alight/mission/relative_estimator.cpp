@@ -10,6 +10,14 @@ constexpr double kAnyFit = 1e9;       // px
 constexpr double kNearestLens = 0.1;  // m
 constexpr double kUsualMemory = 20;   // fits
 constexpr int kLearnerSteps = 2;      // for each picture that it keeps
+// On standard deviations: one picture's own word, taken with care.
+constexpr double kFreshCare = 2;
+// So many LEDs leave more of their images' errors than the pose takes up by chance.
+constexpr std::size_t kTellingLeds = 5;
+// Pictures in a row with LEDs missing after which the whole picture is searched for a
+// pose that explains more: then, after twice as many, and so on, at last after every so
+// many.
+constexpr unsigned kDoubtAfter = 4, kDoubtEvery = 256;
 // Unseen for so long, be it that no picture came, the drone may not be where the
 // prediction has it.
 constexpr Seconds kLongUnseen = 0.15;
@@ -19,7 +27,7 @@ constexpr int kNoisyPictures = 30;
 
 Covariance9 covariance_of(const PoseFit& fit, double velocity_sd) {
   Covariance9 cov = Covariance9::Zero();
-  cov.topLeftCorner<6, 6>() = 4 * fit.cov;  // one picture's own word, taken with care
+  cov.topLeftCorner<6, 6>() = kFreshCare * kFreshCare * fit.cov;
   cov.topLeftCorner<3, 3>().diagonal().array() += 1e-6;
   cov.block<3, 3>(3, 3).diagonal().array() += 1e-5;
   cov.bottomRightCorner<3, 3>().diagonal().setConstant(velocity_sd * velocity_sd);
@@ -172,9 +180,12 @@ bool RelativeEstimator::fuse(const CameraFrame& frame, const MotionSource& motio
     ++misses_;
     out.why_not = "the camera repeats its picture";
   } else if (filter_.initialized()) {
+    // Just found, a prediction without speed says little of where LEDs are next.
+    fresh_ = fresh_ && filter_.velocity_sd() > config_.known_sd_m_s;
     if (follow(frame, out, probe)) {
-      misses_ = confirmations_ = 0;
-    } else if (++misses_ >= config_.misses_before_search ||
+      misses_ = 0;
+      if (!contradicted(frame, out, probe)) confirmations_ = 0;
+    } else if (++misses_ >= config_.misses_before_search || fresh_ ||
                to_seconds(frame.captured - last_sight_) > kLongUnseen) {
       search(frame, motion, out, probe);
     }
@@ -224,6 +235,9 @@ bool RelativeEstimator::follow(const CameraFrame& frame, FrameReport& out,
   const bool missed = misses_ >= config_.misses_before_search || found_again_ ||
                       to_seconds(frame.captured - last_sight_) > kLongUnseen;
   const auto needed = static_cast<std::size_t>(missed ? config_.leds_after_misses : 0);
+  const double rms_max = usual_misfit_ > 0 ? exact_px()
+                         : fresh_          ? placed_rms_max_px(X_NB)
+                                           : kAnyFit;
   if (config_.tell_apart && misses_ == 0 && !missed) {
     std::optional<LedFrame> leds;
     {
@@ -231,7 +245,10 @@ bool RelativeEstimator::follow(const CameraFrame& frame, FrameReport& out,
       leds = resolver_.follow(frame.color, *blobs, X_NB, config_.direct_gate_px,
                               {blur.data(), blur.size()}, frame.captured);
     }
-    if (leds && accept(*leds, leds->seen.size(), kAnyFit, out, probe)) return true;
+    if (leds &&
+        accept(*leds, leds->seen.size(), fresh_ ? rms_max : kAnyFit, out, probe)) {
+      return true;
+    }
   }
   std::optional<LedFrame> held;
   if (config_.tell_apart) {
@@ -242,7 +259,7 @@ bool RelativeEstimator::follow(const CameraFrame& frame, FrameReport& out,
   }
   const auto accept_held = [&] {
     return held && !held->seen.empty() &&
-           accept(*held, held->seen.size(), kAnyFit, out, probe);
+           accept(*held, held->seen.size(), fresh_ ? rms_max : kAnyFit, out, probe);
   };
   // With fewer the tracker may do better.
   if (held && held->seen.size() >= config_.held_leds) {
@@ -272,7 +289,6 @@ bool RelativeEstimator::follow(const CameraFrame& frame, FrameReport& out,
     if (enough || filter_.last_update() == frame.captured) return enough;
     held.reset();
   }
-  const double rms_max = usual_misfit_ > 0 ? exact_px() : kAnyFit;
   if (missed && (by_blobs < config_.leds_after_misses ||
                  !accept(leds, needed, rms_max, out, probe))) {
     out.why_not = "too few LEDs to be sure";
@@ -295,11 +311,12 @@ double RelativeEstimator::exact_px() const {
   return std::max(config_.search_rms_px, config_.search_rms_factor * usual_rms_px());
 }
 
-bool RelativeEstimator::well_known() const {
+bool RelativeEstimator::well_known(double care) const {
   const auto P = filter_.tracking_covariance();
   const double p_sd = std::sqrt(P.topLeftCorner<3, 3>().trace());
   const double turn_sd = std::sqrt(P.block<3, 3>(3, 3).trace());
-  return p_sd < config_.known_sd_m && turn_sd < config_.known_sd_deg * kDegree;
+  return p_sd < care * config_.known_sd_m &&
+         turn_sd < care * config_.known_sd_deg * kDegree;
 }
 
 bool RelativeEstimator::accept(const LedFrame& leds, std::size_t agreeing,
@@ -331,9 +348,10 @@ bool RelativeEstimator::accept(const LedFrame& leds, std::size_t agreeing,
   out.reprojection_px = report->reprojection_px;
   // Fewer than three directions leave the pose to the prediction.
   out.tracked = report->reprojection_px < config_.reprojection_max_px &&
-                (report->used >= 3 || (config_.tell_apart && well_known()));
+                ((report->used >= 3 && !fresh_) ||
+                 (config_.tell_apart && well_known(fresh_ ? kFreshCare : 1)));
   if (!out.tracked) out.why_not = "too few LEDs fit";
-  if (out.tracked && report->used >= 5) {
+  if (out.tracked && static_cast<std::size_t>(report->used) >= kTellingLeds) {
     const double misfit = report->reprojection_px * lens_distance();
     usual_misfit_ +=
         usual_misfit_ > 0 ? (misfit - usual_misfit_) / kUsualMemory : misfit;
@@ -400,23 +418,31 @@ void RelativeEstimator::search(const CameraFrame& frame, const MotionSource& mot
   {
     const ProbeScope scope(probe, Stage::associate);
     found = finder_.find(*blobs, frame.captured);
-    if (!found && config_.blobs.dim_threshold > 0) {
+    if (found && config_.tell_apart) place_by_pixels(frame, *blobs, *found);
+    if (!beyond_doubt(found) && config_.blobs.dim_threshold > 0) {
       // LEDs may be too dim to stand out as what is bright does.
-      if (const auto dim = detector_.detect(frame.color, frame.depth, {},
-                                            BlobDetector::LookFor::dim)) {
+      const auto dim =
+          detector_.detect(frame.color, frame.depth, {}, BlobDetector::LookFor::dim);
+      if (dim) {
         blobs = dim;
-        found = finder_.find(*blobs, frame.captured);
+        auto again = finder_.find(*dim, frame.captured);
+        if (again && config_.tell_apart) place_by_pixels(frame, *dim, *again);
+        found = better(found, again);
       } else {
         blobs = detector_.detect(frame.color, frame.depth);
       }
     }
     if (!found && expecting_ && !filter_.initialized()) {
-      if (auto expected = find_expected(*blobs, frame.captured)) found = expected;
+      if (auto expected = find_expected(*blobs, frame.captured)) {
+        found = expected;
+        if (config_.tell_apart) place_by_pixels(frame, *blobs, *found);
+      }
     }
     if (!found && config_.keep_rivals) {
       const auto left = rivals_.decide(*blobs, frame.captured, finder_.left_open(),
                                        tracker_, motion, step_);
       if (left) found = left;
+      if (left && config_.tell_apart) place_by_pixels(frame, *blobs, *found);
     }
   }
   if (!found) {
@@ -426,12 +452,9 @@ void RelativeEstimator::search(const CameraFrame& frame, const MotionSource& mot
                       : "no pose explains the picture";
     return;
   }
-  if (config_.tell_apart) {
-    place_by_pixels(frame, *blobs, *found);
-    if (!exact_enough(found->fit)) {
-      out.why_not = "lights that fit worse than the LEDs' places are known";
-      return;
-    }
+  if (config_.tell_apart && found->fit.rms_px > placed_rms_max_px(found->fit.X_NB)) {
+    out.why_not = "lights that fit worse than the LEDs' places are known";
+    return;
   }
   if (config_.tell_apart && !filter_.initialized() &&
       found->fit.rms_px > config_.placed_sds * config_.placed_sd_px &&
@@ -447,10 +470,41 @@ void RelativeEstimator::search(const CameraFrame& frame, const MotionSource& mot
     out.why_not = "not yet sure that it is the drone on the floor";
     return;
   }
+  if (fresh_ && filter_.initialized() &&
+      accept(found->frame, found->frame.seen.size(),
+             std::max(exact_px(), found->fit.rms_px), out, probe)) {
+    // Where it is now and where it was tell its speed.
+    misses_ = 0;
+    return;
+  }
+  go_on_from(*found, frame.captured, out);
+}
+
+bool RelativeEstimator::beyond_doubt(const Result<FoundLeds>& found) const {
+  if (!found || !config_.tell_apart) return found.has_value();
+  return found->frame.seen.size() >= kTellingLeds &&
+         found->fit.rms_px <= config_.placed_sds * config_.placed_sd_px;
+}
+
+Result<FoundLeds> RelativeEstimator::better(const Result<FoundLeds>& bright,
+                                            const Result<FoundLeds>& dim) const {
+  if (!bright || !dim) return bright ? bright : dim;
+  if (beyond_doubt(dim) || dim->frame.seen.size() > bright->frame.seen.size()) {
+    return dim;
+  }
+  if (!near(bright->fit.X_NB, dim->fit.X_NB, config_.placed_within_m,
+            config_.placed_within_deg * kDegree)) {
+    return fail(Fault::ambiguous);
+  }
+  return bright;
+}
+
+void RelativeEstimator::go_on_from(const FoundLeds& found, Time t, FrameReport& out) {
   RelativeState x;
-  x.p_NB = found->fit.X_NB.translation();
-  x.R_NB = found->fit.X_NB.linear();
+  x.p_NB = found.fit.X_NB.translation();
+  x.R_NB = found.fit.X_NB.linear();
   found_again_ = filter_.initialized();
+  fresh_ = config_.tell_apart;
   double velocity_sd = 1.5;
   Vector3 d_N = Vector3::Zero(), b_N = Vector3::Zero();
   if (filter_.initialized() &&
@@ -460,18 +514,62 @@ void RelativeEstimator::search(const CameraFrame& frame, const MotionSource& mot
     b_N = filter_.motion_state().b_N;
     velocity_sd = std::max(0.3, 2 * filter_.velocity_sd());
   }
-  filter_.reset(frame.captured, x, covariance_of(found->fit, velocity_sd), d_N, b_N,
-                &found->frame);
+  filter_.reset(t, x, covariance_of(found.fit, velocity_sd), d_N, b_N, &found.frame);
+  last_sight_ = t;
+  if (config_.tell_apart && found.frame.seen.size() >= kTellingLeds) {
+    usual_misfit_ =
+        std::max({usual_misfit_, misfit_least_, found.fit.rms_px * lens_distance()});
+  }
   rivals_.clear();
   misses_ = 0;
   confirmations_ = 0;
+  doubts_ = 0;
   out.leds.clear();
-  for (const LedObservation& seen : found->frame.seen) out.leds.push_back({seen, 0});
-  out.refused = found->frame.refused;
-  out.reprojection_px = found->fit.rms_px;
-  out.tracked = true;
+  for (const LedObservation& seen : found.frame.seen) out.leds.push_back({seen, 0});
+  out.refused = found.frame.refused;
+  out.reprojection_px = found.fit.rms_px;
+  out.tracked = !config_.tell_apart || well_known(kFreshCare);
   out.initialized = true;
-  out.why_not = "";
+  out.why_not = out.tracked ? "" : "not yet known well enough";
+}
+
+bool RelativeEstimator::contradicted(const CameraFrame& frame, FrameReport& out,
+                                     Probe* probe) {
+  if (!config_.tell_apart || expecting_) return false;
+  int used = 0;
+  for (const LedUse& use : out.leds) used += std::popcount(use.observation.leds);
+  doubts_ = used < leds_.size() ? doubts_ + 1 : 0;
+  const auto pictures = static_cast<unsigned>(doubts_);
+  const bool time_to_look = pictures >= kDoubtAfter && (std::has_single_bit(pictures) ||
+                                                        pictures % kDoubtEvery == 0);
+  if (doubts_ == 0 || !(time_to_look || confirmations_ > 0)) return false;
+  const LedResolver as_followed = resolver_;
+  Result<FoundLeds> found = fail(Fault::too_few_points);
+  {
+    const ProbeScope scope(probe, Stage::associate);
+    const auto blobs = detector_.detect(frame.color, frame.depth);
+    if (blobs) found = finder_.find(*blobs, frame.captured);
+    if (found) place_by_pixels(frame, *blobs, *found);
+  }
+  const auto contrary = [&] {
+    const Pose X_NB = filter_.state().X_NB();
+    return found->frame.led_count() > used &&
+           found->frame.led_count() >= config_.search_leds &&
+           !near(X_NB, found->fit.X_NB, config_.expected_within_m,
+                 config_.expected_within_deg * kDegree) &&
+           found->fit.rms_px <= std::max(config_.search_rms_px,
+                                         config_.search_rms_factor * usual_rms_px());
+  };
+  if (!found || !contrary()) {
+    resolver_ = as_followed;
+    return false;
+  }
+  if (confirmed(found->fit.X_NB)) {
+    go_on_from(*found, frame.captured, out);
+  } else {
+    resolver_ = as_followed;
+  }
+  return true;
 }
 
 void RelativeEstimator::place_by_pixels(const CameraFrame& frame, BlobSpan blobs,
@@ -493,11 +591,11 @@ void RelativeEstimator::place_by_pixels(const CameraFrame& frame, BlobSpan blobs
   found.fit = *fit;
 }
 
-bool RelativeEstimator::exact_enough(const PoseFit& fit) const {
-  const double range = (fit.X_NB.translation() - camera_.X_NC.translation()).norm();
+double RelativeEstimator::placed_rms_max_px(const Pose& X_NB) const {
+  const double range = (X_NB.translation() - camera_.X_NC.translation()).norm();
   const double led_px =
       config_.finder.led_sd_m * camera_.intrinsics.fx / std::max(range, 0.05);
-  return fit.rms_px <= config_.placed_sds * std::hypot(config_.placed_sd_px, led_px);
+  return config_.placed_sds * std::hypot(config_.placed_sd_px, led_px);
 }
 
 bool RelativeEstimator::believable(const FoundLeds& found, Time t) {

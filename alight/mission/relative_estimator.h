@@ -139,7 +139,18 @@ class RelativeEstimator {
               Probe* probe);
   /// A pose found from blobs, made as exact as the pixels allow.
   void place_by_pixels(const CameraFrame& frame, BlobSpan blobs, FoundLeds& found);
-  bool exact_enough(const PoseFit& fit) const;
+  /// Enough LEDs, seen as exactly as LEDs are.
+  bool beyond_doubt(const Result<FoundLeds>& found) const;
+  /// Of what bright lights alone and dim ones, too, say.
+  Result<FoundLeds> better(const Result<FoundLeds>& bright,
+                           const Result<FoundLeds>& dim) const;
+  /// Worst fit of pixels that LEDs as far as they may be off explain.
+  double placed_rms_max_px(const Pose& X_NB) const;
+  void go_on_from(const FoundLeds& found, Time t, FrameReport& out);
+  /// Where LEDs stay unseen, they may be taken for one another: whether a pose that
+  /// explains more of them is far from the one followed. Seen in several pictures in a
+  /// row, it takes its place.
+  bool contradicted(const CameraFrame& frame, FrameReport& out, Probe* probe);
   bool believable(const FoundLeds& found, Time t);
   bool believable_on_floor(const FoundLeds& found);
   bool confirmed(const Pose& X_NB);
@@ -148,7 +159,7 @@ class RelativeEstimator {
   /// agree with the prediction and the fit is as exact as `rms_max_px`.
   bool accept(const LedFrame& leds, std::size_t agreeing, double rms_max_px,
               FrameReport& out, Probe* probe);
-  bool well_known() const;
+  bool well_known(double care = 1) const;
   /// A fit of LEDs is at least so exact, as far as has been seen.
   double exact_px() const;
   double usual_rms_px() const;
@@ -186,7 +197,9 @@ class RelativeEstimator {
   Time last_frame_ = INT64_MIN;
   Time last_sight_ = 0;
   int misses_ = 0;
-  bool found_again_ = false;  // by a search, and its speed is not known yet
+  bool fresh_ = false;        // just found, its speed is not known yet
+  bool found_again_ = false;  // the same, after it was lost
+  int doubts_ = 0;            // pictures in a row with LEDs missing
   int confirmations_ = 0;     // of the answer that contradicts the prediction
   Pose X_NB_contrary_ = Pose::Identity();
   bool on_floor_ = false;
