@@ -51,6 +51,15 @@ LedLearner::LedLearner(const LedLearnerConfig& config, const Camera& camera,
   g_.setZero(n);
 }
 
+void LedLearner::forget() {
+  pictures_.clear();
+  leds_ = nominal_;
+  led_sd_m_ = config_.led_sd_m;
+  cov_.setIdentity();
+  cov_ *= led_sd_m_ * led_sd_m_;
+  turn_ = config_.turn_deg * kDegree;
+}
+
 bool LedLearner::offer(const Pose& X_NB, std::span<const Image> images) {
   if (images.size() < kLeastImages) return false;
   Picture picture;

@@ -53,6 +53,9 @@ class LedLearner {
   ///          are not of these LEDs, or not of these correspondences.
   bool step();
 
+  /// The LEDs stand again where they are written, and no picture is kept.
+  void forget();
+
   const Constellation& leds() const { return leds_; }
   const LedCovariance& cov() const { return cov_; }
 

@@ -119,6 +119,7 @@ void RelativeFilter::set_rig(const Camera& camera, const Constellation& leds,
   camera_ = camera;
   leds_ = leds;
   leds_learnt_ = false;
+  watch_ = ResidualWatch();
   stop();
 }
 

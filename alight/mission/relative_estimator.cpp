@@ -12,6 +12,9 @@ constexpr double kUsualMemory = 20;   // fits
 constexpr int kLearnerSteps = 2;      // for each picture that it keeps
 // On standard deviations: one picture's own word, taken with care.
 constexpr double kFreshCare = 2;
+// LEDs taken for others may fit this much worse than the best answer and still be
+// right.
+constexpr double kRivalRms = 3;
 // So many LEDs leave more of their images' errors than the pose takes up by chance.
 constexpr std::size_t kTellingLeds = 5;
 // Pictures in a row with LEDs missing after which the whole picture is searched for a
@@ -33,6 +36,8 @@ Covariance9 covariance_of(const PoseFit& fit, double velocity_sd) {
   cov.bottomRightCorner<3, 3>().diagonal().setConstant(velocity_sd * velocity_sd);
   return cov;
 }
+
+double square(double x) { return x * x; }
 
 bool near(const Pose& a, const Pose& b, double distance, double turn) {
   return (a.translation() - b.translation()).norm() < distance &&
@@ -63,6 +68,10 @@ Result<void> RelativeEstimatorConfig::validate() const {
         Fault::invalid_config,
         "forget_after_s, reprojection_max_px and search_gate_m must be positive");
   }
+  if (!(told_sd_m >= 0 && told_sd_deg >= 0)) {
+    return fail(Fault::invalid_config,
+                "told_sd_m and told_sd_deg must not be negative");
+  }
   if (!(placed_sd_px > 0 && placed_sds > 0)) {
     return fail(Fault::invalid_config, "placed_sd_px and placed_sds must be positive");
   }
@@ -90,6 +99,8 @@ RelativeEstimatorConfig RelativeEstimatorConfig::camera_only() {
   config.prediction_step_ms = 50;  // nothing happens between pictures
   config.filter = RelativeFilterConfig::camera_only();
   config.learn_leds = true;
+  config.told_sd_m = 0.075;
+  config.told_sd_deg = 7.5;
   config.learn_leds_from_m = 0.0008;  // what noise may feign, seen from 3 m, is less
   return config;
 }
@@ -203,6 +214,14 @@ bool RelativeEstimator::fuse(const CameraFrame& frame, const MotionSource& motio
       for (const LedUse& use : out.leds) leds_px.push_back(use.observation.uv);
     }
     repeat_.found(frame.color, {leds_px.data(), leds_px.size()});
+  }
+  if (out.tracked && config_.told_sd_m > 0 && !expecting_) {
+    const Vector9 variance = out.cov.diagonal();
+    out.tracked = variance.head<3>().sum() < square(config_.told_sd_m) &&
+                  variance.segment<3>(3).sum() < square(config_.told_sd_deg * kDegree);
+    if (!out.tracked) out.why_not = "followed, but not known well enough to be told";
+    if (out.tracked) last_told_ = frame.captured;
+    if (to_seconds(frame.captured - last_told_) > config_.forget_after_s) begin_anew();
   }
   return true;
 }
@@ -361,6 +380,17 @@ bool RelativeEstimator::accept(const LedFrame& leds, std::size_t agreeing,
   return out.tracked;
 }
 
+void RelativeEstimator::begin_anew() {
+  learner_.forget();
+  leds_ = learner_.leds();
+  filter_.set_rig(camera_, leds_, config_.filter.led_position_sd_m);
+  tracker_.set_rig(camera_, leds_, config_.tracker.led_sd_m);
+  resolver_.set_rig(camera_, leds_);
+  leds_moved_ = true;
+  learning_ = false;
+  usual_misfit_ = 0;
+}
+
 void RelativeEstimator::learn_leds(const LedFrame& leds, const UpdateReport& report) {
   FixedVector<LedLearner::Image, kMaxLeds> images;
   for (const ObservationReport& used : report.seen) {
@@ -438,9 +468,17 @@ void RelativeEstimator::search(const CameraFrame& frame, const MotionSource& mot
         if (config_.tell_apart) place_by_pixels(frame, *blobs, *found);
       }
     }
+    Rivals open;
+    for (const LedRival& rival : finder_.left_open()) {
+      if (!found && open.size() < Rivals::capacity()) open.push_back(rival);
+    }
+    if (found && config_.keep_rivals && !filter_.initialized()) {
+      open = rivals_of(*found);
+      if (!open.empty()) found = fail(Fault::ambiguous);
+    }
     if (!found && config_.keep_rivals) {
-      const auto left = rivals_.decide(*blobs, frame.captured, finder_.left_open(),
-                                       tracker_, motion, step_);
+      const auto left = rivals_.decide(
+          *blobs, frame.captured, {open.data(), open.size()}, tracker_, motion, step_);
       if (left) found = left;
       if (left && config_.tell_apart) place_by_pixels(frame, *blobs, *found);
     }
@@ -499,6 +537,62 @@ Result<FoundLeds> RelativeEstimator::better(const Result<FoundLeds>& bright,
   return bright;
 }
 
+RelativeEstimator::Rivals RelativeEstimator::rivals_of(const FoundLeds& found) const {
+  Rivals open;
+  const auto& seen = found.frame.seen;
+  const bool one_by_one =
+      std::all_of(seen.begin(), seen.end(),
+                  [](const LedObservation& o) { return std::has_single_bit(o.leds); });
+  if (!config_.tell_apart || seen.size() >= kTellingLeds || !one_by_one) return open;
+  const double rms_max =
+      std::min(placed_rms_max_px(found.fit.X_NB),
+               std::max(kRivalRms * found.fit.rms_px, config_.placed_sd_px));
+  const auto add = [&](const Pose& X_NB, const Matrix6& cov) {
+    const auto same = [&](const LedRival& other) {
+      return near(other.X_NB, X_NB, config_.placed_within_m,
+                  config_.placed_within_deg * kDegree);
+    };
+    if (open.size() == Rivals::capacity() ||
+        std::any_of(open.begin(), open.end(), same)) {
+      return;
+    }
+    open.push_back({X_NB, cov, static_cast<int>(seen.size()), false});
+  };
+  add(found.fit.X_NB, found.fit.cov);
+  const auto try_out = [&](const FixedVector<LedObservation, kMaxLeds>& other) {
+    unsigned all = 0;
+    for (const LedObservation& o : other) all |= o.leds;
+    if (std::popcount(all) < static_cast<int>(other.size())) return;
+    const auto fit = solve_pnp(camera_, leds_, {other.data(), other.size()});
+    if (fit && fit->rms_px < rms_max && finder_.plausible(fit->X_NB)) {
+      add(fit->X_NB, fit->cov);
+    }
+  };
+  // One of them is another LED of its colour, or two are.
+  const auto may_be = [&](const LedObservation& o, int led) {
+    return !config_.finder.use_color ||
+           leds_.color(led) == leds_.color(std::countr_zero(o.leds));
+  };
+  for (std::size_t a = 0; a < seen.size(); ++a) {
+    for (int i = 0; i < leds_.size(); ++i) {
+      if (seen[a].leds == 1u << i || !may_be(seen[a], i)) continue;
+      auto once = seen;
+      once[a].leds = static_cast<std::uint16_t>(1u << i);
+      try_out(once);
+      for (std::size_t b = a + 1; b < seen.size(); ++b) {
+        for (int k = 0; k < leds_.size(); ++k) {
+          if (seen[b].leds == 1u << k || !may_be(seen[b], k)) continue;
+          auto twice = once;
+          twice[b].leds = static_cast<std::uint16_t>(1u << k);
+          try_out(twice);
+        }
+      }
+    }
+  }
+  if (open.size() == 1) open.clear();
+  return open;
+}
+
 void RelativeEstimator::go_on_from(const FoundLeds& found, Time t, FrameReport& out) {
   RelativeState x;
   x.p_NB = found.fit.X_NB.translation();
@@ -515,6 +609,7 @@ void RelativeEstimator::go_on_from(const FoundLeds& found, Time t, FrameReport& 
     velocity_sd = std::max(0.3, 2 * filter_.velocity_sd());
   }
   filter_.reset(t, x, covariance_of(found.fit, velocity_sd), d_N, b_N, &found.frame);
+  last_told_ = t;
   last_sight_ = t;
   if (config_.tell_apart && found.frame.seen.size() >= kTellingLeds) {
     usual_misfit_ =

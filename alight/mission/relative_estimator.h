@@ -48,6 +48,8 @@ struct RelativeEstimatorConfig {
   double known_sd_m = 0.05;
   double known_sd_deg = 7;
   double known_sd_m_s = 0.2;        ///< Speed is known, after the LEDs were lost.
+  double told_sd_m = 0;             ///< A pose that is less well known (sd), its LEDs'
+  double told_sd_deg = 0;           ///< errors included, is not told. 0: all are.
   int misses_before_search = 3;     ///< Frames without a match before the whole picture
                                     ///< is searched,
   int leds_after_misses = 4;        ///< and LEDs needed to be taken up again from then,
@@ -144,6 +146,10 @@ class RelativeEstimator {
   /// Of what bright lights alone and dim ones, too, say.
   Result<FoundLeds> better(const Result<FoundLeds>& bright,
                            const Result<FoundLeds>& dim) const;
+  using Rivals = FixedVector<LedRival, RivalPoses::kMost>;
+  /// Poses by which so few LEDs, placed by their pixels, may be others of their
+  /// colours, the one found among them; empty if it stands alone.
+  Rivals rivals_of(const FoundLeds& found) const;
   /// Worst fit of pixels that LEDs as far as they may be off explain.
   double placed_rms_max_px(const Pose& X_NB) const;
   void go_on_from(const FoundLeds& found, Time t, FrameReport& out);
@@ -170,6 +176,9 @@ class RelativeEstimator {
   FixedVector<Vector2, kMaxLeds> image_motion(const Pose& X_NB) const;
   void report_state(FrameReport& out) const;
   void remember_rest(const LedFrame& leds);
+  /// What is never known well enough may be LEDs taken for others: all that they seemed
+  /// to teach is forgotten, and they are searched for.
+  void begin_anew();
   void learn_leds(const LedFrame& leds, const UpdateReport& report);
 
   RelativeEstimatorConfig config_;
@@ -196,6 +205,7 @@ class RelativeEstimator {
   bool noisy_ = false;                     // pictures of what stands differ
   Time last_frame_ = INT64_MIN;
   Time last_sight_ = 0;
+  Time last_told_ = 0;  // or last found
   int misses_ = 0;
   bool fresh_ = false;        // just found, its speed is not known yet
   bool found_again_ = false;  // the same, after it was lost

@@ -12,6 +12,7 @@ namespace {
 constexpr double kMost_chi2 = 9;     // that one blob says for or against a pose
 constexpr double kMissing = 6;       // cost of an LED that is not seen
 constexpr double kStill_px = 1;      // sd of how a light that stands still is seen
+constexpr double kExact_px = 0.3;    // sd by which LEDs as written leave their places
 constexpr double kShift_px = 12;     // farthest that lamps move between two pictures
 constexpr std::size_t kCrowd = 12;   // lights from which on they tell how lamps move
 constexpr double kVelocitySd = 1.5;  // m/s, of a pose just found
@@ -79,7 +80,9 @@ void RivalPoses::follow(Rival& rival, BlobSpan blobs, Time t, const LedTracker& 
           still = std::min(still, d2 / (kStill_px * kStill_px));
         }
         const double nis = std::min(seen.nis, kMost_chi2);
-        score += nis - still;
+        // A filter that has learnt to expect misfits forgives them.
+        const double off2 = seen.residual_px.squaredNorm();
+        score += nis - still + std::min(off2 / (kExact_px * kExact_px), kMost_chi2);
         moved += still - nis;
         leds += __builtin_popcount(seen.leds);
       }

@@ -66,6 +66,8 @@ Result<FoundLeds> LedFinder::find(BlobSpan blobs, Time t) {
              : search_->find_standard(blobs, t);
 }
 
+bool LedFinder::plausible(const Pose& X_NB) const { return search_->plausible(X_NB); }
+
 std::span<const LedRival> LedFinder::left_open() const {
   return {search_->open.data(), search_->open.size()};
 }

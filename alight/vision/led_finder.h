@@ -79,6 +79,9 @@ class LedFinder {
   ///          number, degenerate when the MAD test fails.
   Result<FoundLeds> find(BlobSpan blobs, Time t = 0);
 
+  /// Whether a drone can be there, by the config's range, tilt and facing.
+  bool plausible(const Pose& X_NB) const;
+
   /// What the last `find` left open when it gave no answer, best first; more pictures
   /// decide between them.
   std::span<const LedRival> left_open() const;

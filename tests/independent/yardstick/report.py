@@ -78,7 +78,7 @@ def bin_name(row):
 def documentation(document, commit, machine):
     """The measured part of docs/estimation.md."""
     text = ["Written by `script/yardstick --docs`; do not edit between the marks. "
-            f"Commit {commit}, {machine}.\n"]
+            f"Commit {commit}, {machine}, {document['scale']}.\n"]
     verdicts = document["verdicts"]
     holds = {True: "yes", False: "**no**", None: "?"}
     text.append(markdown(("what", "wanted", "measured", "holds"),
