@@ -84,6 +84,19 @@ struct World {
 
 class LedLearnerSeeds : public testing::TestWithParam<std::uint64_t> {};
 
+TEST(LedLearner, WhatIsForgottenStandsAsWrittenAgain) {
+  World w(1, kLedSd);
+  w.look(20);
+  ASSERT_FALSE(w.learner.leds().p_BL(0).isApprox(w.rig.leds.p_BL(0), 1e-6));
+  w.learner.forget();
+  for (int i = 0; i < w.rig.leds.size(); ++i) {
+    EXPECT_EQ(w.learner.leds().p_BL(i), w.rig.leds.p_BL(i));
+  }
+  EXPECT_FALSE(w.learner.step()) << "a picture is left";
+  w.look(20);
+  EXPECT_FALSE(w.learner.leds().p_BL(0).isApprox(w.rig.leds.p_BL(0), 1e-6));
+}
+
 /// Distances between LEDs, their common size taken out, are what the camera can see.
 TEST_P(LedLearnerSeeds, FindsHowLedsStandToEachOther) {
   World w(GetParam(), kLedSd);

@@ -186,6 +186,52 @@ TEST(RelativeEstimator, LedsThatAreDimAreFoundToo) {
   }
 }
 
+// Two of six dead leave four, which may look like another four.
+TEST(RelativeEstimator, WithAnyTwoLedsDeadNoPoseThatIsToldIsWrong) {
+  int started = 0, pairs = 0;
+  for (int a = 0; a < 6; ++a) {
+    for (int b = a + 1; b < 6; ++b) {
+      SCOPED_TRACE(testing::Message() << a << " and " << b);
+      Watch w;
+      bool told = false;
+      for (int k = 0; k < 60; ++k) {
+        w.now += kFrame;
+        ASSERT_TRUE(w.look(w.now, 0x3fu & ~(1u << a) & ~(1u << b)));
+        EXPECT_TRUE(w.report.tracked || !told) << "lost at " << k;
+        told = told || w.report.tracked;
+        if (!w.report.tracked) continue;
+        EXPECT_LT(w.position_error(), 0.05) << k;
+        EXPECT_LT(w.rotation_error_deg(), 10) << k;
+      }
+      started += told;
+      ++pairs;
+    }
+  }
+  EXPECT_GE(started, pairs - 2);
+}
+
+// Four lights go on where the drone was expected; all six LEDs shine elsewhere.
+TEST(RelativeEstimator, GoesOverToThePoseThatExplainsMoreLeds) {
+  Watch w;
+  w.follow(30);
+  const Pose aside = make_pose(Matrix3::Identity(), Vector3(0.1, 0.3, 0.05));
+  int over = 0;
+  for (int k = 1; k <= 40; ++k) {
+    w.now += kFrame;
+    w.draw(Watch::sway(w.now), 0x1e);
+    w.add(aside * Watch::sway(w.now));
+    ASSERT_TRUE(w.fuse(w.now));
+    const Vector3 p_NB = w.report.x.p_NB;
+    if (w.report.tracked && over == 0 &&
+        (p_NB - (aside * Watch::sway(w.now)).translation()).norm() < 0.05) {
+      over = k;
+      EXPECT_TRUE(w.report.initialized);
+    }
+  }
+  EXPECT_GT(over, 4) << "one picture, or none, is not enough";
+  EXPECT_LT(over, 20);
+}
+
 // Bit for bit the same picture again and again is a camera that has stopped.
 TEST(RelativeEstimator, ACameraThatRepeatsItsPictureSeesNothing) {
   RelativeEstimatorConfig config = Watch::config_for_tests();
