@@ -215,7 +215,7 @@ bool RelativeEstimator::fuse(const CameraFrame& frame, const MotionSource& motio
     }
     repeat_.found(frame.color, {leds_px.data(), leds_px.size()});
   }
-  if (out.tracked && config_.told_sd_m > 0 && !expecting_) {
+  if (out.tracked && config_.told_sd_m > 0 && learning_ && !expecting_) {
     const Vector9 variance = out.cov.diagonal();
     out.tracked = variance.head<3>().sum() < square(config_.told_sd_m) &&
                   variance.segment<3>(3).sum() < square(config_.told_sd_deg * kDegree);

@@ -48,8 +48,8 @@ struct RelativeEstimatorConfig {
   double known_sd_m = 0.05;
   double known_sd_deg = 7;
   double known_sd_m_s = 0.2;        ///< Speed is known, after the LEDs were lost.
-  double told_sd_m = 0;             ///< A pose that is less well known (sd), its LEDs'
-  double told_sd_deg = 0;           ///< errors included, is not told. 0: all are.
+  double told_sd_m = 0;             ///< Once LEDs are seen to be off, a pose that is
+  double told_sd_deg = 0;           ///< less well known (sd) is not told. 0: all are.
   int misses_before_search = 3;     ///< Frames without a match before the whole picture
                                     ///< is searched,
   int leds_after_misses = 4;        ///< and LEDs needed to be taken up again from then,
