@@ -35,6 +35,8 @@ LandingConfig LandingConfig::paper(const Rig& rig) {
   config.mission.cut_height_m = 0.14;
   config.mission.wait_error_m = 0;
   config.mission.flare_s = 0;
+  config.mission.square_up_s = 0;
+  config.mission.quiet_deg = 0;
   config.mission.follow_distance = 2.3;  // farther off LEDs merge, which it cannot bear
   config.mission.rendezvous_distance = 2;
   config.mission.settle_error_m = 0.6;  // its controller trails a moving platform

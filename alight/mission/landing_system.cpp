@@ -5,6 +5,7 @@
 
 #include "alight/mission/drone_motion.h"
 #include "alight/mission/mission.h"
+#include "alight/platform/deck_motion.h"
 
 namespace alight {
 namespace {
@@ -16,8 +17,10 @@ constexpr double kHeadingJump = 15 * kDegree;
 constexpr int kHeadingJumpSeen = 3;
 constexpr double kLeastUpright = 0.5;  // cosine of the tilt at which thrust still lifts
 constexpr Seconds kLatestTold = 10;    // a picture still later is no word on the camera
-constexpr double kLiftTrust = 0.3;     // share of what lift-off says of the thrust
-constexpr Time kFuture = 5'000'000;    // ns; clocks agree no better than this
+constexpr Seconds kTouchUnsure = 0.15;
+constexpr double kSquareUpMost = 6 * kDegree;  // more would throw it to the side
+constexpr double kLiftTrust = 0.3;   // share of what lift-off says of the thrust
+constexpr Time kFuture = 5'000'000;  // ns; clocks agree no better than this
 
 // What no platform or drone that is landed on does: a number beyond is a broken
 // message, and squared somewhere it would no longer be one.
@@ -72,6 +75,7 @@ struct LandingSystem::Parts {
   Rig rig;
   RelativeEstimator estimator;
   PlatformTracker platform;
+  DeckMotion deck;
   SightWatch sight;
   LinkMonitor link;
   DroneResponse response;
@@ -90,8 +94,8 @@ struct LandingSystem::Parts {
   bool heading_known = false;
   int heading_off = 0;  // telemetry in a row that contradicts it
   RelativeState x_seen;
-  Eigen::Quaterniond tilt_at_rest = Eigen::Quaterniond::Identity();
-  bool calibrated = false;        // or tried to
+  Eigen::Quaterniond tilt_at_rest = Eigen::Quaterniond::Identity();  // on a level deck
+  bool calibrated = false;                                           // or tried to
   double heading_at_rest = 0;     // rad, in the autopilot's frame, as tilt_at_rest what
   bool rest_known = false;        // telemetry says of it before take-off
   Setpoint last_track;            // what `track` sent last,
@@ -103,9 +107,14 @@ struct LandingSystem::Parts {
 
   void take(const Event& event, Time now, Output& out, Probe* probe);
   void learn_heading(const AutopilotTelemetry& t);
+  /// Of the deck, as seen by the drone that stood on it before take-off, its heading
+  /// aside.
+  Eigen::Quaterniond deck_tilt(const PlatformState& at) const;
   void learn_rest(const AutopilotTelemetry& t);
   void follow_autopilot(const AutopilotTelemetry& t, Time now);
   void external_pose(const FrameReport& frame, Output& out) const;
+  /// The feet of a drone that leans come down one after the other.
+  void square_up(double share, const PlatformState& at, Output& out) const;
   Setpoint resting_setpoint(const PlatformState& at, double thrust) const;
   void control(const MissionCommand& command, Time now, const MotionState& state,
                Output& out);
@@ -149,10 +158,19 @@ void LandingSystem::Parts::learn_heading(const AutopilotTelemetry& t) {
   heading_known = true;
 }
 
+Eigen::Quaterniond LandingSystem::Parts::deck_tilt(const PlatformState& at) const {
+  const Matrix3& R_IN = at.X_IN.linear();
+  return Eigen::Quaterniond(from_rpy(0, 0, -mission.heading_at_rest() - yaw_of(R_IN)) *
+                            R_IN * from_rpy(0, 0, mission.heading_at_rest()));
+}
+
 void LandingSystem::Parts::learn_rest(const AutopilotTelemetry& t) {
   if (t.armed) return;
   const double yaw = yaw_of(t.q_IB.toRotationMatrix());
-  const Eigen::Quaterniond tilt(Eigen::AngleAxisd(-yaw, Vector3::UnitZ()) * t.q_IB);
+  Eigen::Quaterniond tilt(Eigen::AngleAxisd(-yaw, Vector3::UnitZ()) * t.q_IB);
+  if (!config.mission.start_on_floor && platform.ready()) {
+    tilt = deck_tilt(platform.at(t.captured)).inverse() * tilt;
+  }
   tilt_at_rest = rest_known ? tilt_at_rest.slerp(0.2, tilt) : tilt;
   heading_at_rest = yaw;
   rest_known = true;
@@ -278,10 +296,20 @@ Setpoint LandingSystem::Parts::resting_setpoint(const PlatformState& at,
       on_floor ? heading_at_rest
                : yaw_of(R_IN) + mission.heading_at_rest() + motion.autopilot_heading;
   setpoint.kind = Setpoint::Kind::attitude;
-  setpoint.q_IB =
-      (Eigen::AngleAxisd(standing, Vector3::UnitZ()) * tilt_at_rest).normalized();
+  const Eigen::Quaterniond below =
+      on_floor ? Eigen::Quaterniond::Identity() : deck_tilt(at);
+  setpoint.q_IB = (Eigen::AngleAxisd(standing, Vector3::UnitZ()) * below * tilt_at_rest)
+                      .normalized();
   setpoint.thrust = thrust;
   return setpoint;
+}
+
+void LandingSystem::Parts::square_up(double share, const PlatformState& at,
+                                     Output& out) const {
+  Eigen::Quaterniond& q = out.setpoint.q_IB;
+  const Eigen::Quaterniond standing = resting_setpoint(at, 0).q_IB;
+  const double turn = q.angularDistance(standing);
+  q = q.slerp(std::min(share, kSquareUpMost / std::max(turn, kSquareUpMost)), standing);
 }
 
 void LandingSystem::Parts::control(const MissionCommand& command, Time now,
@@ -335,6 +363,10 @@ void LandingSystem::Parts::control(const MissionCommand& command, Time now,
       in.tilt_limit_rad = command.tilt_limit;
       out.setpoint =
           attitude.step(in, std::max(to_seconds(now - last_now), 1e-3)).setpoint;
+      out.setpoint.thrust = std::max(
+          out.setpoint.thrust,
+          std::min(command.thrust_least / config.response.thrust_to_weight, 1.0));
+      if (command.square_up > 0) square_up(command.square_up, platform_eff, out);
       last_track = out.setpoint;
       last_track_heading = yaw_of(platform.at(now).X_IN.linear());
       break;
@@ -405,11 +437,25 @@ void LandingSystem::step(const Input& input, Output& out, Probe* probe) {
   }
   in.computer_was_late = p.sight.computer_was_late(input.now);
   in.platform = out.trace.platform;
-  const PlatformState touch = p.platform.at(input.now + from_seconds(kTouchAhead));
+  p.deck.add(input.now, p.platform, Vector3(0, 0, p.rig.drone.gear_height_m));
   FlatState over_pad;
   over_pad.p_NB.z() = p.rig.drone.gear_height_m;
-  in.f_touch_N = wished_force_N(touch, over_pad, state.disturbance_N(),
-                                p.config.attitude.drag_per_s);
+  const Vector3 f_now_N = wished_force_N(in.platform, over_pad, state.disturbance_N(),
+                                         p.config.attitude.drag_per_s);
+  const auto at_rest_N = [&](Seconds ahead) {
+    Vector3 f_N = f_now_N;
+    f_N.head<2>() += p.deck.force_N(ahead) - p.deck.force_N(0);
+    return f_N;
+  };
+  in.f_touch_N = at_rest_N(kTouchAhead);
+  // When exactly it touches is not known.
+  const Seconds touches = p.mission.touches_in(in);
+  in.f_end_N = at_rest_N(touches);
+  for (const Seconds at : {touches - kTouchUnsure, touches + kTouchUnsure}) {
+    const Vector3 f_N = at_rest_N(at);
+    if (f_N.head<2>().norm() > in.f_end_N.head<2>().norm()) in.f_end_N = f_N;
+  }
+  in.deck_swing = p.deck.swing();
   in.plan = p.plan;
   MissionCommand command;
   {

@@ -11,6 +11,9 @@ namespace alight {
 namespace {
 
 constexpr Seconds kOrderEvery = 0.1;
+// Around a block corners come more often than that: longer it does not ask for more
+// rest than at first.
+constexpr Seconds kPatientFor = 8;
 // A second word about the same thing comes no sooner, s.
 constexpr Seconds kNotesApart = 0.5;
 // m/s over the ground: the autopilot's landing goes on from there without drifting far.
@@ -24,6 +27,9 @@ constexpr double kComingDown = 0.75;
 constexpr Seconds kComingDownFor = 0.45;
 // Likewise: with no more than this it has not left the ground yet.
 constexpr double kStillStands = 0.85;
+constexpr double kLeft = 0.02;      // m above where it stood: no foot touches,
+constexpr Seconds kLeavesIn = 0.8;  // which is never far off.
+
 // Of the nominal hover thrust: it moves even a drone that is a fifth heavier than the
 // rig says, and pictures that show nothing of that show the past.
 constexpr double kMovesIt = 1.25;
@@ -38,7 +44,10 @@ constexpr Seconds kSinksAfter = 0.2;
 // does within a tenth of a second or two.
 constexpr double kObeys = 0.25;
 constexpr double kSinks = 0.6;
-constexpr double kUnsure = 0.05;  // m, of where it comes down
+// One that is seen to come down beside the platform is left behind a little.
+constexpr Seconds kBrakesBeside = 1;
+constexpr double kRoomBeside = 0.1;  // m, from the pad's corner to a rotor
+constexpr double kUnsure = 0.05;     // m, of where it comes down
 // Unseen for so long, s, the drone may be elsewhere than predicted.
 constexpr Seconds kStillKnown = 1;
 // What a tenth of thrust that is not known does to a prediction: 0.5 m in the second
@@ -70,6 +79,9 @@ constexpr Seconds kTooFastFor = 0.5;
 constexpr int kPlanlessMax = 3;
 // s; a landing that has waited is flown by another clock than it was planned for.
 constexpr Seconds kNoLag = 1e-6;
+
+// Above the commit height a descent still stops.
+constexpr double kStopsWithin = 0.03;  // m
 
 constexpr const char* kTooFast =
     "the platform is too fast for the drone's speed limit: no landing";
@@ -114,6 +126,7 @@ Mission::Mission(const MissionConfig& config, const Rig& rig)
       speed_max_(rig.limits.speed_m_s),
       unseen_lifting_(1e-3 * rig.timing.frame_to_use_ms + 2.5 / rig.timing.rate_hz),
       tilt_max_(rig.drone.tilt_max_deg * kDegree),
+      quiet_deck_(config, rig),
       touch_down_(config, rig) {}
 
 bool Mission::flying() const {
@@ -225,7 +238,8 @@ bool Mission::settled(const MissionInput& in) {
     settling_ = true;
     settled_since_ = in.now;
   }
-  const Seconds more = battery_low_ ? 0 : config_.settle_more_s * status_.attempts;
+  const bool asks_less = battery_low_ || in_state(in) > kPatientFor;
+  const Seconds more = asks_less ? 0 : config_.settle_more_s * status_.attempts;
   return to_seconds(in.now - settled_since_) >= config_.settle_s + more;
 }
 
@@ -477,12 +491,22 @@ double Mission::platform_wish(const MissionInput& in) {
                  in.mode == AutopilotMode::land || in.mode == AutopilotMode::hold));
   if (alone && !alone_) {
     alone_since_ = in.now;
-    beneath_ = light || would_meet(in);
+    brakes_in_ = light || would_meet(in) ? kBrakes
+                 : stays_beside(in)      ? kBrakesBeside
+                                         : 0;
   }
   alone_ = alone;
   if ((config_.start_on_floor && on_its_way) || waits_for_it_) return 0;
-  if (!alone || !beneath_) return 1;
-  return std::exp(-to_seconds(in.now - alone_since_) / kBrakes);
+  if (!alone || brakes_in_ <= 0) return 1;
+  return std::exp(-to_seconds(in.now - alone_since_) / brakes_in_);
+}
+
+// Until it is on the floor the autopilot knows its place and speed only while it is
+// seen: blind it leans against a drift that it has made up, and tips over.
+bool Mission::stays_beside(const MissionInput& in) const {
+  const Vector3& p = in.x.p_NB;
+  return status_.state == MissionState::aborted && in_sight(in) && outline_.clear(p) &&
+         horizontal(p) > reach_ + kRoomBeside;
 }
 
 bool Mission::would_meet(const MissionInput& in) const {
@@ -579,6 +603,7 @@ void Mission::taken_off(const MissionInput& in, Command& c, Output& out) {
   if (airborne_) {
     if (overruled(in, out)) return;
     c.mode = Command::Mode::track;
+    leave_ground(in, c);
     if (!fresh && unseen(in) > config_.sight_lost_s) {
       go(MissionState::lost_target, words_for(in.blindness).lost, in, out);
       return;
@@ -668,6 +693,7 @@ void Mission::taken_off(const MissionInput& in, Command& c, Output& out) {
   if (!lifted) return;
   airborne_ = true;
   lifted_at_ = in.now;
+  share_lifted_ = c.ramp_share;
   c.lifted = true;
   // Thrust grows evenly, so the rise goes with the third power of time.
   const double flown = std::max(rise - kStandNoise, 0.0);
@@ -690,6 +716,15 @@ void Mission::taken_off(const MissionInput& in, Command& c, Output& out) {
   Vector3 up = p_rest_ + config_.take_off_back_m * from_lens_;
   up.z() = config_.take_off_height_m;
   maneuver_ = Maneuver::move(PointToPoint(in.now, from, up, 0, limits));
+}
+
+// Light on its feet it may still stand when it is seen to slide: what the ground
+// carries is no wind from below, and what leans on a foot tips over.
+void Mission::leave_ground(const MissionInput& in, Command& c) const {
+  const Seconds since = to_seconds(in.now - lifted_at_);
+  if (config_.start_on_floor || since > kLeavesIn) return;
+  if (in.x_seen.p_NB.z() - p_rest_.z() > kLeft) return;
+  c.thrust_least = std::min(share_lifted_ + config_.ramp_rate * since, config_.ramp_to);
 }
 
 void Mission::follow(const MissionInput& in, Output& out) {
@@ -826,6 +861,7 @@ void Mission::rendezvous(const MissionInput& in, Output& out) {
       go(MissionState::land, "the landing is planned", in, out);
       maneuver_ = Maneuver::landing(plan_.trajectory, plan_.start, config_.sink_m);
       committed_ = false;
+      quiet_deck_.begin();
       touch_down_.begin();
       return;
     }
@@ -867,11 +903,15 @@ void Mission::rendezvous(const MissionInput& in, Output& out) {
   request_plan(in, out);
 }
 
+Seconds Mission::touches_in(const MissionInput& in) const {
+  return status_.state == MissionState::land ? quiet_deck_.touches_in(in, maneuver_)
+                                             : kTouchAhead;
+}
+
 void Mission::land(const MissionInput& in, Command& c, Output& out) {
   if (overruled(in, out)) return;
   const FlatState ref = maneuver_.at(in.now);
   const Vector3 error = in.x.p_NB - ref.p_NB;
-
   if (config_.cut_height_m > 0 && maneuver_.done(in.now) &&
       in.x.p_NB.z() < config_.cut_height_m + 0.05) {
     go(MissionState::shut_down, "over the pad: thrust is cut", in, out);
@@ -893,21 +933,32 @@ void Mission::land(const MissionInput& in, Command& c, Output& out) {
     c.ramp_share = touch_down_.thrust_share(in.now);
     return;
   }
+  // Where it would touch, off the middle of the pad.
+  const double miss = horizontal(error + kMissAhead * (in.x.v_NB - ref.v_NB));
+  if (committed_) c.square_up = touch_down_.square_up(in, miss);
   if (!committed_) replan(in, out);
-  if (!has_next_) touch_down_.flare(in, maneuver_);
+  // A deck that swings is waited for instead.
+  if (!has_next_ && !quiet_deck_.swings(in)) touch_down_.flare(in, maneuver_);
   if (!committed_) {
-    // Where it would touch, off the middle of the pad.
-    const double miss = horizontal(error + kMissAhead * (in.x.v_NB - ref.v_NB));
-    // Below it there is no certified way back.
-    const double commit_height =
-        std::max(gear_height_ + config_.commit_height_m,
-                 config_.way_back && plan_.escape.exists ? plan_.escape.height_m : 0);
+    // Below it there is no certified way back. Over a deck that swings it stops lower
+    // down, and a way up begins from rest.
+    const bool way_back =
+        config_.way_back && plan_.escape.exists && !quiet_deck_.swings(in);
+    const double commit_height = std::max(gear_height_ + config_.commit_height_m,
+                                          way_back ? plan_.escape.height_m : 0);
     if (config_.wait_error_m > 0 &&
         ref.p_NB.z() < commit_height + config_.wait_room_m) {
-      // Gusts pass: better to wait above the pad than to touch beside its middle.
-      const double patience = maneuver_.lag(in.now) < config_.wait_max_s ? miss : 0;
-      maneuver_.aim_pace(in.now,
-                         std::clamp(2 - patience / config_.wait_error_m, 0.0, 1.0));
+      // Gusts pass, and decks come round: better to wait above the pad than to touch
+      // beside its middle or on the edge of a foot.
+      if (!battery_low_ && (quiet_deck_.swings(in) || quiet_deck_.waiting())) {
+        const bool may_stop = in.x.p_NB.z() > commit_height + kStopsWithin;
+        const bool waits = quiet_deck_.waits(in, maneuver_, miss, may_stop);
+        maneuver_.aim_pace(in.now, waits ? 0 : 1);
+      } else {
+        const double off = maneuver_.lag(in.now) < config_.wait_max_s ? miss : 0;
+        maneuver_.aim_pace(in.now,
+                           std::clamp(2 - off / config_.wait_error_m, 0.0, 1.0));
+      }
     }
     if (hold_wanted_ && !battery_low_) {
       go(MissionState::hold, "the operator holds", in, out);
@@ -921,7 +972,8 @@ void Mission::land(const MissionInput& in, Command& c, Output& out) {
          : !in.platform_ready ? kNoOdometry
                               : "too far from the trajectory",
          in, out);
-    } else if (in.x.p_NB.z() < commit_height && ref.p_NB.z() < commit_height &&
+    } else if (!quiet_deck_.waiting() && in.x.p_NB.z() < commit_height &&
+               ref.p_NB.z() < commit_height &&
                horizontal(ref.p_NB) < 0.5 * config_.go_around_error_m) {
       if (miss > config_.commit_error_m) {
         go(MissionState::go_around,

@@ -2,6 +2,7 @@
 #include "alight/mission/maneuver.h"
 #include "alight/mission/mission_config.h"
 #include "alight/mission/mission_input.h"
+#include "alight/mission/quiet_deck.h"
 #include "alight/mission/touch_down.h"
 
 namespace alight {
@@ -17,8 +18,11 @@ struct MissionCommand {
              ///< the last thrust. Feedback would fight the pad's friction.
   };
   Mode mode = Mode::silent;
-  double ramp_share = 0;  ///< ramp: of the nominal hover thrust; settle: of the last.
-  double tilt_limit = 0;  ///< rad
+  double ramp_share = 0;    ///< ramp: of the nominal hover thrust; settle: of the last.
+  double square_up = 0;     ///< track: share of the way from the attitude that feedback
+                            ///< asks for over to that of the pad.
+  double tilt_limit = 0;    ///< rad
+  double thrust_least = 0;  ///< track: of the nominal hover thrust.
   AutopilotOrder order = AutopilotOrder::none;
   double platform_speed_wish = 1;
   bool on_ground = true;     ///< The ground carries the drone: thrust does not move it.
@@ -39,6 +43,9 @@ class Mission {
   FlatState reference(Time t) const {
     return has_next_ && t >= next_from_ ? next_.at(t) : maneuver_.at(t);
   }
+  /// When a landing that goes on now would touch, within what is foreseen of decks;
+  /// kTouchAhead while there is none.
+  Seconds touches_in(const MissionInput& in) const;
   const MissionStatus& status() const { return status_; }
   bool flying() const;
   /// Heading in N in which the drone stood before take-off, rad.
@@ -81,6 +88,8 @@ class Mission {
   /// flies.
   double platform_wish(const MissionInput& in);
   /// The drone would come down on the platform, drove that on.
+  void leave_ground(const MissionInput& in, Command& c) const;
+  bool stays_beside(const MissionInput& in) const;
   bool would_meet(const MissionInput& in) const;
   bool may_be_left(const MissionInput& in);
   /// It has been seen flying for long enough to know its weight and the wind.
@@ -120,6 +129,7 @@ class Mission {
   bool wanted_ = false, hold_wanted_ = false, abort_wanted_ = false;
   bool airborne_ = false;
   Time lifted_at_ = 0;
+  double share_lifted_ = 0;  // of the nominal hover thrust, then
   Matrix3 R_rest_ = Matrix3::Identity();
   Vector3 p_rest_ = Vector3::Zero();  // where it stood before take-off
 
@@ -140,8 +150,9 @@ class Mission {
   bool left_ = false;          // aborted: the autopilot has been told to land
   bool waits_for_it_ = false;  // the platform, for a drone that lands by itself
   Time left_alone_since_ = 0;
-  bool alone_ = false;    // the autopilot or the pilot flies, or soon does:
-  bool beneath_ = false;  // they would meet, and the platform brakes as the drone does
+  bool alone_ = false;     // the autopilot or the pilot flies, or soon does:
+  Seconds brakes_in_ = 0;  // the platform does, if not zero: they would meet, or the
+                           // drone comes down beside it and is to be seen
   Time alone_since_ = 0;
   Time settled_since_ = 0;
   bool settling_ = false;
@@ -161,6 +172,7 @@ class Mission {
   bool awaits_odometry_ = false;  // hold: ends when there is odometry again
   bool committed_ = false;
   bool abort_told_ = false;
+  QuietDeck quiet_deck_;
   TouchDown touch_down_;
 };
 

@@ -49,6 +49,9 @@ struct MissionConfig {
                                ///< waits. 0: never.
   double wait_room_m = 0.12;   ///< Above the commit height: there it may wait,
   double wait_max_s = 3;       ///< in all.
+  double quiet_deg = 3;        ///< A deck that swings is touched when it leans no more
+                               ///< than this against the drone. 0: whenever.
+  double quiet_more_s = 8;     ///< Or twice that after so long, thrice after twice it.
   double go_around_error_m = 0.35;
   double sight_lost_s = 0.25;  ///< Without a tracked frame: lost target.
   // A lost target is searched for from above the follow point; then the drone stops
@@ -69,6 +72,8 @@ struct MissionConfig {
   double flare_share = 0.7;       ///< by this share of what it leans,
   double flare_max_m_s2 = 1.5;    ///< at most: swings as wide as a gust asks for end
                                   ///< harder than they began.
+  double square_up_s = 0.3;       ///< So long before the touch it begins to go over to
+                                  ///< the pad's attitude. 0: never.
   double upright_deg = 6;         ///< Tilted more, it does not stand yet.
   double touch_settled_s = 0.06;  ///< Not sinking for this long: it stands.
   double blind_sink_s = 0.6;  ///< From the trajectory's end to when thrust goes, for a

@@ -30,7 +30,10 @@ constexpr double kDropSeen = 0.06;      // From no higher than this, by what is 
 constexpr Seconds kFlareEarliest = -0.1, kFlareLatest = 0.35;
 constexpr double kFlareSlew = 0.8;    // s/s: the reference does not jump.
 constexpr Seconds kFlareStep = 0.01;  // between the brain's steps
-constexpr double kSinking = 0.05;     // m/s, or there is nothing to wait for
+constexpr double kSquareUpWithin =
+    0.05;                            // m, of a miss; by half as much at 1.5 times it
+constexpr double kSinkLeast = 0.15;  // m/s, of a drone that comes down
+constexpr double kSinking = 0.05;    // m/s, or there is nothing to wait for
 // Held down by the last thrust for so much longer, s, it will not get more upright.
 constexpr Seconds kTiltedLonger = 0.15;
 
@@ -45,7 +48,7 @@ TouchDown::TouchDown(const MissionConfig& config, const Rig& rig)
       pad_half_(0.5 * rig.pad.size_m) {}
 
 void TouchDown::begin() {
-  flared_ = settling_ = low_ = false;
+  flared_ = squares_up_ = settling_ = low_ = false;
   bounced_ = slid_ = false;
 }
 
@@ -96,6 +99,20 @@ bool TouchDown::may_touch(const MissionInput& in, const Maneuver& maneuver) cons
   // quite what the file says.
   return maneuver.past_end(in.now) > config_.blind_sink_s && above < kTouchHighest &&
          std::abs(in.x.v_NB.z()) < kStanding;
+}
+
+double TouchDown::square_up(const MissionInput& in, double miss) {
+  if (config_.square_up_s <= 0 || !in_sight(in)) return 0;
+  const double sink = std::max(-in.x.v_NB.z(), kSinkLeast);
+  const Seconds to_go = (in.x.p_NB.z() - gear_height_) / sink;
+  const double share = std::clamp(2 * (1 - to_go / config_.square_up_s), 0.0, 1.0);
+  if (share <= 0) return 0;
+  if (!squares_up_) {
+    squares_up_ = true;
+    // Once: it drifts for squaring up, too.
+    square_up_most_ = std::clamp(2 - miss / kSquareUpWithin, 0.0, 1.0);
+  }
+  return std::min(share, square_up_most_);
 }
 
 void TouchDown::feel(const MissionInput& in, const Maneuver& maneuver) {

@@ -25,6 +25,10 @@ class TouchDown {
   Seconds begins_before_end() const;
   /// From the commit on, each step: whether thrust is to go is decided here.
   void feel(const MissionInput& in, const Maneuver& maneuver);
+  /// From the commit on: what share of the pad's own attitude is to be asked for. The
+  /// drone's lags behind, and it is there half the time before the touch. Where it
+  /// would touch far off the middle, by `miss` m, being brought back comes first.
+  double square_up(const MissionInput& in, double miss);
   /// The feet take the weight.
   bool settling() const { return settling_; }
   /// While settling: of the last thrust in flight.
@@ -44,6 +48,8 @@ class TouchDown {
   double arm_;
   double pad_half_;
   bool flared_ = false;
+  bool squares_up_ = false;
+  double square_up_most_ = 0;
   Time flare_aimed_ = 0;
   bool settling_ = false;
   Time settle_since_ = 0;

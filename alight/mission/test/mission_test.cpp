@@ -315,6 +315,8 @@ TEST(Mission, CommandsFollowTheState) {
       default:
         break;
     }
+    const bool leaves = f.c.thrust_least > 0;  // the ground
+    EXPECT_TRUE(!leaves || f.state() == State::taken_off);
     EXPECT_GT(f.c.tilt_limit, 30 * kDegree);
     EXPECT_EQ(f.c.platform_speed_wish, 1);
   }
@@ -1117,6 +1119,47 @@ TEST(Mission, SlippingOrTippingAtTakeOffCountsAsLifted) {
     EXPECT_EQ(f.c.mode, MissionCommand::Mode::track);
     EXPECT_EQ(f.c.lifted_since > 0, c.slid.z() > 0) << "only a rise has a past";
     EXPECT_TRUE(f.until(State::complete));
+  }
+}
+
+// Seen to slide it may stand yet: leaning it would tip over, and what the ground
+// carries must not keep thrust from growing.
+TEST(Mission, WhatSlidesBeforeItLiftsGoesOnLeavingTheGround) {
+  Flight f;
+  f.lifts = false;
+  f.slid = Vector3(1.1 * MissionConfig{}.slip_m, 0, 0);
+  ASSERT_TRUE(f.reach(State::taken_off));
+  while (!f.c.lifted && f.state() == State::taken_off) f.step();
+  ASSERT_TRUE(f.c.lifted);
+  const double gear = f.rig().drone.gear_height_m;
+  double least = 0.8;
+  for (int i = 0; i < 20; ++i) {
+    f.x().p_NB.z() = gear;
+    f.step();
+    EXPECT_GT(f.c.thrust_least, least);
+    least = f.c.thrust_least;
+  }
+  f.x().p_NB.z() = gear + 0.03;
+  f.step();
+  EXPECT_EQ(f.c.thrust_least, 0);
+}
+
+// Blind, the autopilot leans on the floor until its motors stop.
+TEST(Mission, ADroneThatIsAbortedInSightIsSeenToTheFloor) {
+  for (const bool seen : {true, false}) {
+    SCOPED_TRACE(seen);
+    Flight f;
+    ASSERT_TRUE(f.reach(State::rendezvous));
+    f.wish = OperatorWish::abort;
+    while (f.orders_land == 0) f.step();
+    f.sight = seen;
+    f.run(0.5);
+    f.mode = AutopilotMode::land;
+    f.step();
+    f.run(1);
+    EXPECT_NEAR(f.c.platform_speed_wish, seen ? std::exp(-1.0) : 1, 0.02);
+    f.run(4);
+    EXPECT_EQ(f.c.platform_speed_wish, 0) << "nor does it come round again";
   }
 }
 

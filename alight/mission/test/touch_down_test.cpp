@@ -67,6 +67,26 @@ TEST_F(TouchDownTest, KeepsItsThrustUntilTheFeetAreNearThePad) {
   EXPECT_TRUE(touch_.settling());
 }
 
+TEST_F(TouchDownTest, GoesOverToThePadsAttitudeLast) {
+  EXPECT_EQ(touch_.square_up(at(2, 0.1), 0.01), 0);
+  double last = 0;
+  for (double above = 0.2; above > -0.01; above -= 0.005) {
+    const double share = touch_.square_up(at(2, above), 0.01);
+    EXPECT_GE(share, last);
+    last = share;
+  }
+  EXPECT_EQ(last, 1);
+  MissionInput unseen_now = at(2, 0.02);
+  unseen_now.seen = 0;
+  EXPECT_EQ(touch_.square_up(unseen_now, 0.01), 0);
+  // What drifts off the pad is brought back first, whatever becomes of it meanwhile.
+  touch_.begin();
+  EXPECT_EQ(touch_.square_up(at(2, 0.05), 0.2), 0);
+  EXPECT_EQ(touch_.square_up(at(2, 0.02), 0.01), 0);
+  config_.square_up_s = 0;
+  EXPECT_EQ(TouchDown(config_, rig_).square_up(at(2, 0.02), 0.01), 0);
+}
+
 TEST_F(TouchDownTest, DropsSoonerTheHarderItIsBlown) {
   const double calm = drops_at(0), windy = drops_at(2), stormy = drops_at(4);
   EXPECT_GE(windy, calm);
