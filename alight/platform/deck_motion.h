@@ -12,9 +12,9 @@ namespace alight {
 /// How it swings is learnt as it goes: at each of four horizons, on each axis, a
 /// linear model from what is known now (tilt, its rate, acceleration, angular
 /// acceleration) to the force then, by recursive least squares with forgetting (Ljung
-/// 1999, ch. 11). It is believed where it has lately been nearer than constant turn rate
-/// and acceleration: in a sea of 6 s it is off by 0.4 to 0.9 deg after half a second,
-/// and those by 2 to 3.
+/// 1999, ch. 11). It is believed where it has lately been nearer than constant turn
+/// rate and acceleration: in a sea of 6 s it is off by 0.4 to 0.9 deg after half a
+/// second, and those by 2 to 3.
 ///
 /// No allocation; the same calls give the same bits.
 class DeckMotion {
