@@ -719,7 +719,7 @@ void Mission::taken_off(const MissionInput& in, Command& c, Output& out) {
 }
 
 // Light on its feet it may still stand when it is seen to slide: what the ground
-// carries is no wind from below, and what leans on a foot tips over.
+// carries is no wind from below. (To limit its tilt has it slide off in a wind.)
 void Mission::leave_ground(const MissionInput& in, Command& c) const {
   const Seconds since = to_seconds(in.now - lifted_at_);
   if (config_.start_on_floor || since > kLeavesIn) return;
@@ -950,6 +950,7 @@ void Mission::land(const MissionInput& in, Command& c, Output& out) {
         ref.p_NB.z() < commit_height + config_.wait_room_m) {
       // Gusts pass, and decks come round: better to wait above the pad than to touch
       // beside its middle or on the edge of a foot.
+      if (battery_low_) quiet_deck_.begin();  // it waits no more
       if (!battery_low_ && (quiet_deck_.swings(in) || quiet_deck_.waiting())) {
         const bool may_stop = in.x.p_NB.z() > commit_height + kStopsWithin;
         const bool waits = quiet_deck_.waits(in, maneuver_, miss, may_stop);

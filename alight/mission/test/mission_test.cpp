@@ -41,6 +41,7 @@ class Flight {
   bool computer_was_late = false;
   bool picture_repeats = false;
   double position_sd_m = 0.02;
+  double deck_swing = 0, deck_lean = 0;  ///< m/s^2; rad, at the touch
   AutopilotMode mode = AutopilotMode::offboard;
   Vector3 off = Vector3::Zero();           ///< From the reference, where it flies.
   Vector3 slid = Vector3::Zero();          ///< On the ground, when the motors run.
@@ -98,6 +99,8 @@ class Flight {
     in.picture_repeats = picture_repeats;
     in.position_sd_m = position_sd_m;
     in.platform.v_IN_N = Vector3(platform_speed, 0, 0);
+    in.deck_swing = deck_swing;
+    in.f_end_N = kGravity * Vector3(0, std::tan(deck_lean), 1);
     PlanArrival arrival;
     if (asked_ && planner_answers && now_ >= answer_at_) {
       asked_ = false;
@@ -1160,6 +1163,22 @@ TEST(Mission, ADroneThatIsAbortedInSightIsSeenToTheFloor) {
     EXPECT_NEAR(f.c.platform_speed_wish, seen ? std::exp(-1.0) : 1, 0.02);
     f.run(4);
     EXPECT_EQ(f.c.platform_speed_wish, 0) << "nor does it come round again";
+  }
+}
+
+TEST(Mission, ADeckThatSwingsIsWaitedForUntilItIsLevelOrTheBatteryLow) {
+  for (const bool battery_falls : {false, true}) {
+    SCOPED_TRACE(battery_falls);
+    Flight f;
+    f.deck_swing = 1;
+    f.deck_lean = 30 * kDegree;
+    ASSERT_TRUE(f.reach(State::land));
+    f.run(12);
+    EXPECT_EQ(f.state(), State::land);
+    EXPECT_NE(f.reason(), "past the commit height: it lands");
+    EXPECT_GT(f.x().p_NB.z(), f.rig().drone.gear_height_m + 0.08);
+    (battery_falls ? f.battery : f.deck_lean) = battery_falls ? 0.1 : 0;
+    EXPECT_TRUE(f.until(State::complete, 5));
   }
 }
 
