@@ -38,8 +38,9 @@ struct MissionInput {
   /// Specific force in N that keeps the drone at rest over the pad's middle, as
   /// predicted for kTouchAhead from now.
   Vector3 f_touch_N = Vector3(0, 0, kGravity);
-  Vector3 f_end_N = f_touch_N;  ///< The same for `Mission::touches_in` from now.
-  double deck_swing = 0;        ///< sd with which the deck's tilt changes it, m/s^2.
+  /// The same for `Mission::touches_in` from now, or when it leans most about then.
+  Vector3 f_end_N = f_touch_N;
+  double deck_swing = 0;  ///< sd with which the deck's tilt changes it, m/s^2.
 
   const PlanArrival* plan = nullptr;  ///< Arrived since the last step.
 };

@@ -14,15 +14,17 @@ constexpr double kJudged = 100;   // samples by which a model is judged
 constexpr double kRidge = 0.1;    // the weight of knowing nothing, in s (m/s^2)^2
 constexpr double kSlack = 1.5;    // of kEvery: a longer gap starts anew
 
-Seconds horizon_of(int horizon, int lag) { return (horizon + 1) * lag * kEvery; }
-
 Vector3 accelerated(const PlatformState& platform, const Vector3& point_N) {
   return inertial_acceleration_N(platform, point_N, Vector3::Zero(), Vector3::Zero());
 }
 
-/// The mean of the last `most` values or so.
-void average(double& mean, double value, double count, double most) {
-  mean += (value - mean) / std::min(count, most);
+Vector2 pressing(const PlatformState& platform, const Vector3& point_N) {
+  return (accelerated(platform, point_N) - gravity_N(platform)).head<2>();
+}
+
+/// The mean of the last `count` values or so.
+void average(double& mean, double value, double count) {
+  mean += (value - mean) / count;
 }
 
 }  // namespace
@@ -35,11 +37,13 @@ DeckMotion::Model::Model() {
   }
 }
 
-DeckMotion::Features DeckMotion::features(const PlatformState& platform) const {
-  const Vector3 up = -gravity_N(platform);
-  const Vector3 a = accelerated(platform, point_N_);
-  const Vector3 rate = -platform.w_IN_N.cross(up);
-  const Vector3 rate_rate = -platform.alpha_IN_N.cross(up);
+Seconds DeckMotion::seconds_to(int horizon) { return (horizon + 1) * kLag * kEvery; }
+
+DeckMotion::Features DeckMotion::features() const {
+  const Vector3 up = -gravity_N(platform_);
+  const Vector3 a = accelerated(platform_, point_N_);
+  const Vector3 rate = -platform_.w_IN_N.cross(up);
+  const Vector3 rate_rate = -platform_.alpha_IN_N.cross(up);
   Features x;
   x << up.head<2>().transpose(), rate.head<2>().transpose(), a.head<2>().transpose(),
       rate_rate.head<2>().transpose(), Vector2::Ones().transpose();
@@ -47,8 +51,7 @@ DeckMotion::Features DeckMotion::features(const PlatformState& platform) const {
 }
 
 Vector2 DeckMotion::carried_on(Seconds ahead) const {
-  const PlatformState then = predict(platform_, ahead);
-  return (accelerated(then, point_N_) - gravity_N(then)).head<2>();
+  return pressing(predict(platform_, ahead), point_N_);
 }
 
 Vector2 DeckMotion::foretold(const Model& model, const Features& x,
@@ -71,17 +74,17 @@ void DeckMotion::learn(Model& model, const Sample& then, int horizon) {
     model.weights[axis] = normal.ldlt().solve(model.right[axis]);
   }
   model.judged = std::min(model.judged + 1, kJudged);
-  average(model.carried_square, 0.5 * off.squaredNorm(), model.judged, kJudged);
+  average(model.carried_square, 0.5 * off.squaredNorm(), model.judged);
   average(model.foretold_square, 0.5 * (force_ - then.foretold[h]).squaredNorm(),
-          model.judged, kJudged);
+          model.judged);
 }
 
 void DeckMotion::add(Time now, const PlatformTracker& tracker, const Vector3& point_N) {
   if (!tracker.ready()) return;
   point_N_ = point_N;
   platform_ = tracker.at(now);
-  force_ = (accelerated(platform_, point_N) - gravity_N(platform_)).head<2>();
-  features_ = features(platform_);
+  force_ = pressing(platform_, point_N);
+  features_ = features();
   const Seconds since = to_seconds(now - sampled_);
   if (started_ && since < kEvery) return;
   if (since > kSlack * kEvery) count_ = 0;
@@ -98,7 +101,7 @@ void DeckMotion::add(Time now, const PlatformTracker& tracker, const Vector3& po
   sample.features = features_;
   for (int h = 0; h < kHorizons; ++h) {
     const auto k = static_cast<std::size_t>(h);
-    sample.carried[k] = carried_on(horizon_of(h, kLag));
+    sample.carried[k] = carried_on(seconds_to(h));
     sample.foretold[k] = foretold(models_[k], features_, sample.carried[k]);
   }
   ++count_;
@@ -106,34 +109,38 @@ void DeckMotion::add(Time now, const PlatformTracker& tracker, const Vector3& po
   seen_ = std::min(seen_ + 1, kJudged);
   const Vector2 off = (-gravity_N(platform_)).head<2>() - mean_;
   mean_ += off / seen_;
-  average(square_, (1 - 1 / seen_) * off.squaredNorm(), seen_, kJudged);
+  average(square_, (1 - 1 / seen_) * off.squaredNorm(), seen_);
 }
 
 Vector2 DeckMotion::best(int horizon) const {
   const Model& model = models_[static_cast<std::size_t>(horizon)];
-  const Vector2 f = carried_on(horizon_of(horizon, kLag));
+  const Vector2 f = carried_on(seconds_to(horizon));
   return model.foretold_square < model.carried_square ? foretold(model, features_, f)
                                                       : f;
 }
 
+DeckMotion::Between DeckMotion::between(Seconds ahead) {
+  assert(ahead >= 0);
+  const double steps = std::min(ahead, kFarthest) / seconds_to(0);
+  const int below = std::min(static_cast<int>(steps), kHorizons - 1);
+  return {below - 1, below, steps - below};
+}
+
 Vector2 DeckMotion::force_N(Seconds ahead) const {
   if (!started_) return Vector2::Zero();
-  assert(ahead >= 0);
-  const double steps = std::min(ahead, kFarthest) / (kLag * kEvery);
-  const int below = std::min(static_cast<int>(steps), kHorizons - 1);
-  const Vector2 from = below == 0 ? force_ : best(below - 1);
-  return from + (steps - below) * (best(below) - from);
+  const auto [from, to, share] = between(ahead);
+  const Vector2 f = from < 0 ? force_ : best(from);
+  return f + share * (best(to) - f);
 }
 
 double DeckMotion::sd(Seconds ahead) const {
-  const double steps = std::min(ahead, kFarthest) / (kLag * kEvery);
-  const int below = std::min(static_cast<int>(steps), kHorizons - 1);
+  const auto [from, to, share] = between(ahead);
   const auto of = [&](int horizon) {
     if (horizon < 0) return 0.0;
     const Model& m = models_[static_cast<std::size_t>(horizon)];
     return std::sqrt(std::min(m.carried_square, m.foretold_square));
   };
-  return of(below - 1) + (steps - below) * (of(below) - of(below - 1));
+  return of(from) + share * (of(to) - of(from));
 }
 
 double DeckMotion::swing() const { return std::sqrt(square_); }

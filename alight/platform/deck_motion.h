@@ -54,7 +54,15 @@ class DeckMotion {
     Model();
   };
 
-  Features features(const PlatformState& platform) const;
+  /// The horizons that an instant lies between, and how far on from the first; -1 is
+  /// now.
+  struct Between {
+    int from, to;
+    double share;
+  };
+  static Between between(Seconds ahead);
+  static Seconds seconds_to(int horizon);
+  Features features() const;
   Vector2 carried_on(Seconds ahead) const;
   Vector2 foretold(const Model& model, const Features& x, const Vector2& carried) const;
   Vector2 best(int horizon) const;
