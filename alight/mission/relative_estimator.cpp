@@ -17,6 +17,8 @@ constexpr double kFreshCare = 2;
 constexpr double kRivalRms = 3;
 // So many LEDs leave more of their images' errors than the pose takes up by chance.
 constexpr std::size_t kTellingLeds = 5;
+// So many lights in the colours of their LEDs are no lamps.
+constexpr int kColored = 3;
 // Pictures in a row with LEDs missing after which the whole picture is searched for a
 // pose that explains more: then, after twice as many, and so on, at last after every so
 // many.
@@ -127,6 +129,7 @@ RelativeEstimator::RelativeEstimator(const RelativeEstimatorConfig& config,
       resolver_(std::move(resolver)),
       filter_(std::move(filter)),
       rivals_(config.rivals, rig.camera, filter_),
+      doubt_(config.doubt),
       learner_(config.learner, rig.camera, rig.leds) {}
 
 Result<RelativeEstimator> RelativeEstimator::create(
@@ -195,7 +198,10 @@ bool RelativeEstimator::fuse(const CameraFrame& frame, const MotionSource& motio
     fresh_ = fresh_ && filter_.velocity_sd() > config_.known_sd_m_s;
     if (follow(frame, out, probe)) {
       misses_ = 0;
-      if (!contradicted(frame, out, probe)) confirmations_ = 0;
+      if (!contradicted(frame, out, probe)) {
+        confirmations_ = 0;
+        doubt(out);
+      }
     } else if (++misses_ >= config_.misses_before_search || fresh_ ||
                to_seconds(frame.captured - last_sight_) > kLongUnseen) {
       search(frame, motion, out, probe);
@@ -204,6 +210,10 @@ bool RelativeEstimator::fuse(const CameraFrame& frame, const MotionSource& motio
     search(frame, motion, out, probe);
   }
   if (out.tracked) last_sight_ = frame.captured;
+  if (out.tracked && doubt_.open()) {
+    out.tracked = false;
+    out.why_not = "two poses explain the pictures";
+  }
   if (filter_.initialized()) report_state(out);
   // A drone that stands where it is known to stand tells more of its rig than that.
   learning_ = learning_ || (config_.learn_leds && !expecting_ &&
@@ -215,8 +225,10 @@ bool RelativeEstimator::fuse(const CameraFrame& frame, const MotionSource& motio
     }
     repeat_.found(frame.color, {leds_px.data(), leds_px.size()});
   }
-  if (out.tracked && config_.told_sd_m > 0 && learning_ && !expecting_) {
-    const Vector9 variance = out.cov.diagonal();
+  if (out.tracked && config_.told_sd_m > 0 && !expecting_) {
+    // What LEDs that are off do to a pose is only known once pictures have shown it.
+    const Vector9 variance =
+        learning_ ? out.cov.diagonal() : filter_.tracking_covariance().diagonal();
     out.tracked = variance.head<3>().sum() < square(config_.told_sd_m) &&
                   variance.segment<3>(3).sum() < square(config_.told_sd_deg * kDegree);
     if (!out.tracked) out.why_not = "followed, but not known well enough to be told";
@@ -349,6 +361,14 @@ bool RelativeEstimator::accept(const LedFrame& leds, std::size_t agreeing,
     report = fail(Fault::ambiguous);
   }
   if (!report && agreeing > 0) return false;
+  seen_.clear();
+  for (const LedObservation& o : leds.seen) {
+    if (std::has_single_bit(o.leds)) seen_.push_back(o);
+  }
+  seen_alone_ = seen_.size();
+  for (const OverlappingLeds& group : leds.groups) {
+    seen_alone_ -= static_cast<std::size_t>(group.count);
+  }
   if (expecting_) remember_rest(leds);
   out.refused = leds.refused;
   if (!report) {
@@ -472,6 +492,13 @@ void RelativeEstimator::search(const CameraFrame& frame, const MotionSource& mot
     for (const LedRival& rival : finder_.left_open()) {
       if (!found && open.size() < Rivals::capacity()) open.push_back(rival);
     }
+    // Lamps in a row look like white LEDs that are somewhat off, picture after picture.
+    if (found && config_.keep_rivals && !filter_.initialized() &&
+        found->in_color < kColored && found->fit.rms_px > config_.placed_sd_px) {
+      open.push_back({found->fit.X_NB, found->fit.cov,
+                      static_cast<int>(found->frame.seen.size()), true});
+      found = fail(Fault::ambiguous);
+    }
     if (found && config_.keep_rivals && !filter_.initialized()) {
       open = rivals_of(*found);
       if (!open.empty()) found = fail(Fault::ambiguous);
@@ -494,9 +521,7 @@ void RelativeEstimator::search(const CameraFrame& frame, const MotionSource& mot
     out.why_not = "lights that fit worse than the LEDs' places are known";
     return;
   }
-  if (config_.tell_apart && !filter_.initialized() &&
-      found->fit.rms_px > config_.placed_sds * config_.placed_sd_px &&
-      !confirmed(found->fit.X_NB)) {
+  if (!filter_.initialized() && !exact(*found) && !confirmed(found->fit.X_NB)) {
     out.why_not = "not yet sure: lights that fit less exactly than LEDs should";
     return;
   }
@@ -518,10 +543,14 @@ void RelativeEstimator::search(const CameraFrame& frame, const MotionSource& mot
   go_on_from(*found, frame.captured, out);
 }
 
+bool RelativeEstimator::exact(const FoundLeds& found) const {
+  return !config_.tell_apart ||
+         found.fit.rms_px <= config_.placed_sds * config_.placed_sd_px;
+}
+
 bool RelativeEstimator::beyond_doubt(const Result<FoundLeds>& found) const {
   if (!found || !config_.tell_apart) return found.has_value();
-  return found->frame.seen.size() >= kTellingLeds &&
-         found->fit.rms_px <= config_.placed_sds * config_.placed_sd_px;
+  return found->frame.seen.size() >= kTellingLeds && exact(*found);
 }
 
 Result<FoundLeds> RelativeEstimator::better(const Result<FoundLeds>& bright,
@@ -537,57 +566,40 @@ Result<FoundLeds> RelativeEstimator::better(const Result<FoundLeds>& bright,
   return bright;
 }
 
-RelativeEstimator::Rivals RelativeEstimator::rivals_of(const FoundLeds& found) const {
+RelativeEstimator::Rivals RelativeEstimator::rivals_of(FoundLeds& found) const {
   Rivals open;
-  const auto& seen = found.frame.seen;
-  const bool one_by_one =
-      std::all_of(seen.begin(), seen.end(),
-                  [](const LedObservation& o) { return std::has_single_bit(o.leds); });
-  if (!config_.tell_apart || seen.size() >= kTellingLeds || !one_by_one) return open;
-  const double rms_max =
-      std::min(placed_rms_max_px(found.fit.X_NB),
-               std::max(kRivalRms * found.fit.rms_px, config_.placed_sd_px));
-  const auto add = [&](const Pose& X_NB, const Matrix6& cov) {
+  const bool few = found.frame.seen.size() <= PoseDoubt::kFew;
+  if (!config_.tell_apart || (!few && exact(found))) return open;
+  const auto rms_max = [&] {
+    return std::min(placed_rms_max_px(found.fit.X_NB),
+                    std::max(kRivalRms * found.fit.rms_px, config_.placed_sd_px));
+  };
+  OtherPoses others;
+  // Where none fits, a colour may be that of a neighbour.
+  find_other_poses(camera_, leds_, config_.finder.use_color && exact(found), finder_,
+                   {found.frame.seen.data(), found.frame.seen.size()}, found.fit.X_NB,
+                   rms_max(), others);
+  if (!others.empty() && kRivalRms * others[0].fit.rms_px < found.fit.rms_px) {
+    found.frame.seen = others[0].seen;
+    found.frame.groups.clear();
+    found.fit = others[0].fit;
+  }
+  const auto add = [&](const PoseFit& fit) {
     const auto same = [&](const LedRival& other) {
-      return near(other.X_NB, X_NB, config_.placed_within_m,
+      return near(other.X_NB, fit.X_NB, config_.placed_within_m,
                   config_.placed_within_deg * kDegree);
     };
-    if (open.size() == Rivals::capacity() ||
-        std::any_of(open.begin(), open.end(), same)) {
-      return;
-    }
-    open.push_back({X_NB, cov, static_cast<int>(seen.size()), false});
+    if (fit.rms_px > rms_max() || std::any_of(open.begin(), open.end(), same)) return;
+    open.push_back(
+        {fit.X_NB, fit.cov, static_cast<int>(found.frame.seen.size()), false});
   };
-  add(found.fit.X_NB, found.fit.cov);
-  const auto try_out = [&](const FixedVector<LedObservation, kMaxLeds>& other) {
-    unsigned all = 0;
-    for (const LedObservation& o : other) all |= o.leds;
-    if (std::popcount(all) < static_cast<int>(other.size())) return;
-    const auto fit = solve_pnp(camera_, leds_, {other.data(), other.size()});
-    if (fit && fit->rms_px < rms_max && finder_.plausible(fit->X_NB)) {
-      add(fit->X_NB, fit->cov);
-    }
-  };
-  // One of them is another LED of its colour, or two are.
-  const auto may_be = [&](const LedObservation& o, int led) {
-    return !config_.finder.use_color ||
-           leds_.color(led) == leds_.color(std::countr_zero(o.leds));
-  };
-  for (std::size_t a = 0; a < seen.size(); ++a) {
-    for (int i = 0; i < leds_.size(); ++i) {
-      if (seen[a].leds == 1u << i || !may_be(seen[a], i)) continue;
-      auto once = seen;
-      once[a].leds = static_cast<std::uint16_t>(1u << i);
-      try_out(once);
-      for (std::size_t b = a + 1; b < seen.size(); ++b) {
-        for (int k = 0; k < leds_.size(); ++k) {
-          if (seen[b].leds == 1u << k || !may_be(seen[b], k)) continue;
-          auto twice = once;
-          twice[b].leds = static_cast<std::uint16_t>(1u << k);
-          try_out(twice);
-        }
-      }
-    }
+  add(found.fit);
+  const int leds = found.frame.led_count();
+  for (const OtherPose& other : others) {
+    // What explains fewer LEDs must do it far better.
+    LedFrame frame;
+    frame.seen = other.seen;
+    if (few && frame.led_count() >= leds) add(other.fit);
   }
   if (open.size() == 1) open.clear();
   return open;
@@ -616,6 +628,7 @@ void RelativeEstimator::go_on_from(const FoundLeds& found, Time t, FrameReport& 
         std::max({usual_misfit_, misfit_least_, found.fit.rms_px * lens_distance()});
   }
   rivals_.clear();
+  doubt_.clear();
   misses_ = 0;
   confirmations_ = 0;
   doubts_ = 0;
@@ -648,8 +661,8 @@ bool RelativeEstimator::contradicted(const CameraFrame& frame, FrameReport& out,
   }
   const auto contrary = [&] {
     const Pose X_NB = filter_.state().X_NB();
-    return found->frame.led_count() > used &&
-           found->frame.led_count() >= config_.search_leds &&
+    return found->frame.seen.size() > seen_.size() &&
+           found->frame.seen.size() >= PoseDoubt::kFew &&
            !near(X_NB, found->fit.X_NB, config_.expected_within_m,
                  config_.expected_within_deg * kDegree) &&
            found->fit.rms_px <= std::max(config_.search_rms_px,
@@ -667,6 +680,25 @@ bool RelativeEstimator::contradicted(const CameraFrame& frame, FrameReport& out,
   return true;
 }
 
+void RelativeEstimator::doubt(FrameReport& out) {
+  if (!config_.tell_apart || expecting_ || !out.tracked) return;
+  const bool exact = out.reprojection_px <= config_.placed_sds * config_.placed_sd_px;
+  if (exact && seen_alone_ >= kTellingLeds) {
+    doubt_.be_sure();
+  } else {
+    // Where none fits, a colour may be that of a neighbour.
+    doubt_.look(camera_, leds_, config_.finder.use_color && exact, finder_,
+                {seen_.data(), seen_.size()}, filter_.state().X_NB());
+  }
+  const OtherPose* better = doubt_.better();
+  if (better == nullptr) return;
+  FoundLeds found;
+  found.frame.t = out.t;
+  found.frame.seen = better->seen;
+  found.fit = better->fit;
+  go_on_from(found, out.t, out);
+}
+
 void RelativeEstimator::place_by_pixels(const CameraFrame& frame, BlobSpan blobs,
                                         FoundLeds& found) {
   TrackDetail detail;
@@ -676,6 +708,8 @@ void RelativeEstimator::place_by_pixels(const CameraFrame& frame, BlobSpan blobs
   FixedVector<Vector2, kMaxLeds> still;  // its speed is not known yet
   for (int i = 0; i < leds_.size(); ++i) still.push_back(Vector2::Zero());
   resolver_.resolve(frame.color, blobs, detail, {still.data(), still.size()}, leds);
+  // Three always fit.
+  if (leds.seen.size() < 4) return;
   const auto fit = refine_pose(camera_, leds_, {leds.seen.data(), leds.seen.size()},
                                found.fit.X_NB, nullptr, 10);
   if (!fit || !near(fit->X_NB, found.fit.X_NB, config_.placed_within_m,

@@ -4,6 +4,7 @@
 #include "alight/estimation/rest_calibration.h"
 #include "alight/mission/landing_io.h"
 #include "alight/mission/motion_source.h"
+#include "alight/mission/pose_doubt.h"
 #include "alight/mission/rival_poses.h"
 #include "alight/vision/blob_detector.h"
 #include "alight/vision/led_finder.h"
@@ -36,6 +37,7 @@ struct RelativeEstimatorConfig {
   bool keep_rivals =
       true;  ///< Poses that one picture cannot tell apart, until more do.
   RivalPosesConfig rivals;
+  PoseDoubtConfig doubt;          ///< With tell_apart.
   bool calibrate_at_rest = true;  ///< Before take-off from the pad.
   int rest_pictures = 20;         ///< That many of each LED at least.
   double rest_led_sd_m = 0.0008;  ///< How well LEDs are known then.
@@ -48,8 +50,9 @@ struct RelativeEstimatorConfig {
   double known_sd_m = 0.05;
   double known_sd_deg = 7;
   double known_sd_m_s = 0.2;        ///< Speed is known, after the LEDs were lost.
-  double told_sd_m = 0;             ///< Once LEDs are seen to be off, a pose that is
-  double told_sd_deg = 0;           ///< less well known (sd) is not told. 0: all are.
+  double told_sd_m = 0;             ///< A pose that is less well known (sd), with what
+  double told_sd_deg = 0;           ///< LEDs do once they are seen to be off, is not
+                                    ///< told. 0: all are.
   int misses_before_search = 3;     ///< Frames without a match before the whole picture
                                     ///< is searched,
   int leds_after_misses = 4;        ///< and LEDs needed to be taken up again from then,
@@ -141,6 +144,8 @@ class RelativeEstimator {
               Probe* probe);
   /// A pose found from blobs, made as exact as the pixels allow.
   void place_by_pixels(const CameraFrame& frame, BlobSpan blobs, FoundLeds& found);
+  /// Its lights stand as exactly as LEDs do.
+  bool exact(const FoundLeds& found) const;
   /// Enough LEDs, seen as exactly as LEDs are.
   bool beyond_doubt(const Result<FoundLeds>& found) const;
   /// Of what bright lights alone and dim ones, too, say.
@@ -148,8 +153,9 @@ class RelativeEstimator {
                            const Result<FoundLeds>& dim) const;
   using Rivals = FixedVector<LedRival, RivalPoses::kMost>;
   /// Poses by which so few LEDs, placed by their pixels, may be others of their
-  /// colours, the one found among them; empty if it stands alone.
-  Rivals rivals_of(const FoundLeds& found) const;
+  /// colours, the one found among them; empty if it stands alone. One that fits far
+  /// better takes its place.
+  Rivals rivals_of(FoundLeds& found) const;
   /// Worst fit of pixels that LEDs as far as they may be off explain.
   double placed_rms_max_px(const Pose& X_NB) const;
   void go_on_from(const FoundLeds& found, Time t, FrameReport& out);
@@ -157,6 +163,8 @@ class RelativeEstimator {
   /// explains more of them is far from the one followed. Seen in several pictures in a
   /// row, it takes its place.
   bool contradicted(const CameraFrame& frame, FrameReport& out, Probe* probe);
+  /// Few LEDs are held against what they may be besides.
+  void doubt(FrameReport& out);
   bool believable(const FoundLeds& found, Time t);
   bool believable_on_floor(const FoundLeds& found);
   bool confirmed(const Pose& X_NB);
@@ -192,6 +200,9 @@ class RelativeEstimator {
   LedResolver resolver_;
   RelativeFilter filter_;
   RivalPoses rivals_;
+  PoseDoubt doubt_;
+  FixedVector<LedObservation, kMaxLeds> seen_;  // last, each of one LED,
+  std::size_t seen_alone_ = 0;                  // and how many of them stand alone
   LedLearner learner_;
   bool learning_ = false;    // residuals have shown that LEDs are off
   int steps_ = 0;            // that the learner still is to make

@@ -47,6 +47,7 @@ struct LedFinderConfig {
 struct FoundLeds {
   LedFrame frame;
   PoseFit fit;
+  int in_color = 0;            ///< Lights in the colour of their LEDs.
   double score = 0;            ///< -2 log likelihood, against all being stray lights.
   double runner_up_score = 0;  ///< Of the best rival pose.
 };

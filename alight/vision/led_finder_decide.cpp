@@ -427,6 +427,11 @@ Result<FoundLeds> LedFinder::Search::decide(BlobSpan blobs, bool white_is_any, T
   const LedImages images = led_images(camera, leds, answer.fit.X_NB);
   const Assignment& used = answer.candidate.assignment;
   found.frame.seen = observations(used, images, blobs, 0.15);
+  for (const LedObservation& o : found.frame.seen) {
+    const int led = std::countr_zero(o.leds);
+    const int j = used.blob[static_cast<std::size_t>(led)];
+    found.in_color += blobs[static_cast<std::size_t>(j)].color == leds.color(led);
+  }
   for (int j = 0; j < static_cast<int>(blobs.size()); ++j) {
     if (uses(used, j)) continue;
     const bool dropped = uses(chosen.assignment, j);

@@ -210,6 +210,26 @@ TEST(RelativeEstimator, WithAnyTwoLedsDeadNoPoseThatIsToldIsWrong) {
   EXPECT_GE(started, pairs - 2);
 }
 
+// White lamps that stand nearly like the LEDs, and stand still.
+TEST(RelativeEstimator, LampsThatLookNearlyLikeTheDroneAreNotTakenForIt) {
+  for (unsigned seed = 1; seed <= 20; ++seed) {
+    SCOPED_TRACE(seed);
+    Rng rng(seed);
+    Watch w;
+    const Pose X_NB = Watch::sway(kFrame);
+    w.picture.clear();
+    for (int i = 0; i < 5; ++i) {
+      const auto uv = project_led(w.rig.camera, X_NB, w.rig.leds.p_BL(i));
+      ASSERT_TRUE(uv);
+      w.picture.add(*uv + 0.5 * Vector2(rng.normal(), rng.normal()), LedColor::white);
+    }
+    for (int k = 0; k < 60; ++k) {
+      w.again();
+      EXPECT_FALSE(w.report.tracked) << k << ", " << w.report.reprojection_px << " px";
+    }
+  }
+}
+
 // Four lights go on where the drone was expected; all six LEDs shine elsewhere.
 TEST(RelativeEstimator, GoesOverToThePoseThatExplainsMoreLeds) {
   Watch w;

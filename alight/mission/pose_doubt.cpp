@@ -1,0 +1,153 @@
+#include "alight/mission/pose_doubt.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+
+namespace alight {
+namespace {
+
+// Other readings are looked for in the first picture of few LEDs, the second, the
+// fourth and so on, at last in every so many.
+constexpr unsigned kLookEvery = 64;
+constexpr double kRms = 3;  // times the pose's own, of a reading worth a look,
+constexpr double kRmsLeast_px = 0.3;  // or so much
+constexpr double kEvidenceMost = 20;
+// One that pictures speak against is asked again only now and then.
+constexpr double kUnlikely = -6;
+constexpr unsigned kUnlikelyEvery = 8;
+constexpr int kSteps = 5;
+// In which another reading must have held before it counts.
+constexpr int kPictures = 4;
+
+}  // namespace
+
+void PoseDoubt::clear() {
+  rivals_.clear();
+  labels_known_ = open_ = false;
+  pictures_ = 0;
+}
+
+double PoseDoubt::word(double chi2, double other_chi2) const {
+  // How exact rig and pixels are is not known: what counts is how many times worse
+  // one of them fits.
+  return config_.weight * std::log((2 + chi2) / (2 + other_chi2));
+}
+
+bool PoseDoubt::apart(const Pose& a, const Pose& b) const {
+  return (a.translation() - b.translation()).norm() > config_.apart_m ||
+         angle_between(a.linear(), b.linear()) > config_.apart_deg * kDegree;
+}
+
+void PoseDoubt::add(const OtherPose& pose, ObservationSpan seen, const Pose& X_NB) {
+  Rival rival;
+  rival.mirrored = true;
+  for (std::size_t n = 0; n < seen.size(); ++n) {
+    const auto led = static_cast<std::size_t>(std::countr_zero(seen[n].leds));
+    rival.instead[led] = pose.seen[n].leds;
+    rival.mirrored = rival.mirrored && seen[n].leds == pose.seen[n].leds;
+  }
+  for (const Rival& other : rivals_) {
+    if (other.instead == rival.instead && !apart(other.pose.fit.X_NB, pose.fit.X_NB)) {
+      return;
+    }
+  }
+  rival.pose = pose;
+  rival.p_NB_base = X_NB.translation();
+  if (rivals_.push_back(rival)) return;
+  Rival& least = *std::min_element(
+      rivals_.begin(), rivals_.end(),
+      [](const Rival& a, const Rival& b) { return a.evidence < b.evidence; });
+  if (least.evidence < 0) least = rival;
+}
+
+bool PoseDoubt::follow(Rival& rival, const Camera& camera, const Constellation& leds,
+                       const LedFinder& plausible, ObservationSpan seen,
+                       const Pose& X_NB, double chi2) {
+  auto& lights = rival.pose.seen;
+  lights.clear();
+  unsigned used = 0;
+  for (const LedObservation& o : seen) {
+    const std::uint16_t instead =
+        rival.instead[static_cast<std::size_t>(std::countr_zero(o.leds))];
+    if (instead == 0 || (used & instead) != 0) return false;
+    used |= instead;
+    lights.push_back(o);
+    lights.back().leds = instead;
+  }
+  Pose X_NB_0 = rival.pose.fit.X_NB;
+  X_NB_0.translation() += X_NB.translation() - rival.p_NB_base;
+  rival.p_NB_base = X_NB.translation();
+  const auto fit = refine_pose(camera, leds, {lights.data(), lights.size()}, X_NB_0,
+                               nullptr, kSteps);
+  if (!fit || !plausible.plausible(fit->X_NB)) return false;
+  rival.pose.fit = *fit;
+  if (rival.mirrored && !apart(fit->X_NB, X_NB)) return false;
+  ++rival.pictures;
+  rival.evidence =
+      std::clamp(config_.remembers * rival.evidence + word(chi2, fit->chi2),
+                 -kEvidenceMost, kEvidenceMost);
+  return true;
+}
+
+void PoseDoubt::look(const Camera& camera, const Constellation& leds, bool use_color,
+                     const LedFinder& plausible, ObservationSpan given,
+                     const Pose& X_NB) {
+  if (given.size() < kFew || (labels_known_ && given.size() > kFew)) return;
+  FixedVector<LedObservation, kMaxLeds> exact;
+  for (const LedObservation& o : given) {
+    exact.push_back(o);
+    exact.back().cov += config_.floor_px * config_.floor_px * Matrix2::Identity();
+  }
+  const ObservationSpan seen(exact.data(), exact.size());
+  auto own = refine_pose(camera, leds, seen, X_NB, nullptr, kSteps);
+  if (!own) return;
+  if (apart(own->X_NB, X_NB)) {
+    // The same LEDs say something else, if the filter would only listen.
+    const OtherPose other{exact, *own};
+    add(other, seen, X_NB);
+    own = refine_pose(camera, leds, seen, X_NB, nullptr, 0);
+    if (!own) return;
+  }
+  for (std::size_t n = rivals_.size(); n-- > 0;) {
+    if (rivals_[n].evidence < kUnlikely && pictures_ % kUnlikelyEvery != 0) continue;
+    if (!follow(rivals_[n], camera, leds, plausible, seen, X_NB, own->chi2)) {
+      rivals_.erase(n);
+    }
+  }
+  ++pictures_;
+  const double rms_max = std::max(kRms * own->rms_px, kRmsLeast_px);
+  const bool looks =
+      !labels_known_ && (std::has_single_bit(pictures_) || pictures_ % kLookEvery == 0);
+  if (looks) {
+    OtherPoses others;
+    find_other_poses(camera, leds, use_color, plausible, seen, own->X_NB, rms_max,
+                     others);
+    for (const OtherPose& other : others) add(other, seen, X_NB);
+  }
+  const auto is_mirrored = [](const Rival& rival) { return rival.mirrored; };
+  if (std::none_of(rivals_.begin(), rivals_.end(), is_mirrored)) {
+    const auto fit = mirrored_pose(camera, leds, seen, own->X_NB);
+    if (fit && plausible.plausible(fit->X_NB) && fit->rms_px < rms_max &&
+        apart(fit->X_NB, X_NB)) {
+      const OtherPose other{exact, *fit};
+      add(other, seen, X_NB);
+    }
+  }
+  open_ = false;
+  for (const Rival& rival : rivals_) {
+    open_ = open_ || (rival.pictures >= kPictures && rival.evidence > -config_.open &&
+                      apart(rival.pose.fit.X_NB, X_NB));
+  }
+}
+
+const OtherPose* PoseDoubt::better() const {
+  const Rival* best = nullptr;
+  for (const Rival& rival : rivals_) {
+    if (rival.evidence < config_.refuted || rival.pictures < kPictures) continue;
+    if (best == nullptr || rival.evidence > best->evidence) best = &rival;
+  }
+  return best == nullptr ? nullptr : &best->pose;
+}
+
+}  // namespace alight

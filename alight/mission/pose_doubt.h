@@ -1,0 +1,70 @@
+#pragma once
+#include "alight/mission/other_poses.h"
+
+namespace alight {
+
+struct PoseDoubtConfig {
+  double refuted = 10;  ///< Evidence from which on another reading takes the pose's
+                        ///< place,
+  double open = 3;      ///< and down to which, negative, it is not yet refuted itself.
+  double weight = 0.5;  ///< Of a picture's word: what a wrong rig does to it, it does
+                        ///< to the next one, too,
+  double remembers = 0.98;  ///< and what pictures have said long ago counts less.
+  double floor_px = 0.02;   ///< No light's place is known better.
+  double apart_m = 0.1;     ///< Poses nearer than this
+  double apart_deg = 10;    ///< and turned less are told for each other.
+};
+
+/// Holds the pose that is followed by no more than four LEDs against what these lights
+/// may be besides. So few fit several readings, and a filter that was started on the
+/// wrong one, or has slipped into its mirror image, goes on with it for as long as it
+/// sees no more.
+///
+/// No allocation.
+class PoseDoubt {
+ public:
+  static constexpr std::size_t kFew = 4;
+
+  explicit PoseDoubt(const PoseDoubtConfig& config) : config_(config) {}
+
+  void clear();
+  /// Five LEDs and more, seen together: none of them is another.
+  void be_sure() {
+    clear();
+    labels_known_ = true;
+  }
+
+  /// One picture more. @param seen  Each of one LED.
+  void look(const Camera& camera, const Constellation& leds, bool use_color,
+            const LedFinder& plausible, ObservationSpan seen, const Pose& X_NB);
+
+  /// Another reading, in the last picture, by which pictures have refuted the pose; or
+  /// null.
+  const OtherPose* better() const;
+  /// Whether the pose may be another one, far from it.
+  bool open() const { return open_; }
+
+ private:
+  struct Rival {
+    std::array<std::uint16_t, kMaxLeds> instead{};  ///< By LED; 0: not seen yet.
+    OtherPose pose;
+    double evidence = 0;
+    int pictures = 0;
+    Vector3 p_NB_base = Vector3::Zero();  ///< Where the pose was then.
+    bool mirrored = false;                ///< The same LEDs.
+  };
+  bool follow(Rival& rival, const Camera& camera, const Constellation& leds,
+              const LedFinder& plausible, ObservationSpan seen, const Pose& X_NB,
+              double chi2);
+  void add(const OtherPose& pose, ObservationSpan seen, const Pose& X_NB);
+  double word(double chi2, double other_chi2) const;
+  bool apart(const Pose& a, const Pose& b) const;
+
+  PoseDoubtConfig config_;
+  FixedVector<Rival, 12> rivals_;
+  bool labels_known_ = false;
+  bool open_ = false;
+  unsigned pictures_ = 0;
+};
+
+}  // namespace alight
