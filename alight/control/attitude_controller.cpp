@@ -120,8 +120,13 @@ AttitudeOutput AttitudeController::step(const AttitudeInput& in, Seconds dt) {
   d_A_ += (d_now - d_A_) * newest;
   b_N_ += (b_now - b_N_) * newest;
   const Vector3 wind_N = R_NA * d_A_;
-  const Vector3 d_N = wind_N + b_N_;
-  const Vector3 f = wished_force_N(in.platform, r, d_N, config_.drag_per_s);
+  const Vector3 beside_N(b_N_.x(), b_N_.y(), 0);
+  const double lifts = 1 + b_N_.z() / kGravity;
+  const auto wished = [&](const PlatformState& platform, const FlatState& at,
+                          const Vector3& d_N) -> Vector3 {
+    return wished_force_N(platform, at, d_N, config_.drag_per_s) / lifts;
+  };
+  const Vector3 f = wished(in.platform, r, wind_N + beside_N);
   constexpr Seconds kLater = AttitudeInput::kLater;
   FlatState later = r;
   later.p_NB += kLater * r.v_NB;
@@ -130,9 +135,8 @@ AttitudeOutput AttitudeController::step(const AttitudeInput& in, Seconds dt) {
   // Wind is fixed in I, hence turning in N.
   const Vector3 turn = kLater * in.platform.w_IN_N;
   const Matrix3 R_later = so3_exp(turn);
-  const Vector3 f_later =
-      R_later * wished_force_N(in.platform_later, later,
-                               R_later.transpose() * wind_N + b_N_, config_.drag_per_s);
+  const Vector3 f_later = R_later * wished(in.platform_later, later,
+                                           R_later.transpose() * wind_N + beside_N);
   const Vector3 f_rate = (f_later - f) / kLater;
   const Vector3 f_model = R_NA * in.response.f_I();
 
@@ -148,9 +152,10 @@ AttitudeOutput AttitudeController::step(const AttitudeInput& in, Seconds dt) {
   const Vector3 kp(c.kp, c.kp, c.kp_z), kv(c.kv, c.kv, c.kv_z), ka(c.ka, c.ka, c.ka_z);
   const double lag = 2 * response_.zeta / response_.omega_rad_s;
   const Vector3 lead(lag, lag, response_.motor_ms * 1e-3);
-  const Vector3 forward_A = config_.feed_forward
-                                ? Vector3(R_AN * f + lead.cwiseProduct(R_AN * f_rate))
-                                : Vector3(R_AN * (-d_N - gravity_N(in.platform)));
+  const Vector3 forward_A =
+      config_.feed_forward
+          ? Vector3(R_AN * f + lead.cwiseProduct(R_AN * f_rate))
+          : Vector3(R_AN * (-wind_N - beside_N - gravity_N(in.platform)) / lifts);
   const Vector3 u_A = forward_A + kp.cwiseProduct(R_AN * e_p) +
                       kv.cwiseProduct(R_AN * e_v) +
                       ka.cwiseProduct(R_AN * (f - f_model));

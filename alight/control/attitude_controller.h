@@ -49,7 +49,8 @@ struct AttitudeInput {
   double autopilot_heading = 0;    ///< in the autopilot's frame, in which I's x axis
                                    ///< has this heading, rad.
   Vector3 d_N = Vector3::Zero();   ///< Disturbance fixed in I (wind), m/s^2, and
-  Vector3 b_N = Vector3::Zero();  ///< fixed in N (drag, tilt, thrust): the estimator's.
+  Vector3 b_N = Vector3::Zero();   ///< fixed in N (drag, tilt), its z a share of the
+                                   ///< thrust times g: the estimator's (MotionState).
   FlatState reference;
   double tilt_limit_rad = 35 * kDegree;  ///< Shrinks as the link ages.
 };
@@ -70,7 +71,8 @@ Vector3 wished_force_N(const PlatformState& platform, const FlatState& reference
 /// Attitude and thrust from the estimate, the reference and the motion of the platform
 /// (paper, sec:MP_control: the onboard attitude controller tracks this).
 ///
-///   f   = a_ref_I + drag v_ref_I - d - g,    the force that keeps to the reference,
+///   f   = (a_ref_I + drag v_ref_I - d - g) / (1 + b_z / g),    the force that keeps to
+///         the reference, by drones that lift as supposed,
 ///   u   = f + (2 zeta / omega) f' + kp e_p + kv e_v + ka (f - f_m)
 ///
 /// u over |u| is body z, its vertical part over the model's cos(tilt) the thrust. d is

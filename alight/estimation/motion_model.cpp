@@ -22,14 +22,15 @@ MotionState extrapolate(const MotionState& state, const PredictionInput& input,
   }
 
   // a = a_0 + A_p p + A_v v + d + b, and its rate.
+  const Vector3 unknown_N = state.disturbance_N(input.lift_N);
   const Matrix3 W = hat(w);
   const Matrix3 A_p = -W * W - hat(platform.alpha_IN_N);
   const Matrix3 A_v = -2 * W;
-  const Vector3 a_NB = relative_acceleration(
-      platform, p_NB, v_NB, f_N + state.disturbance_N() + gravity_N(platform));
+  const Vector3 a_NB = relative_acceleration(platform, p_NB, v_NB,
+                                             f_N + unknown_N + gravity_N(platform));
   const double fade = 1 / model.memory_s;
-  const Vector3 jerk = f_rate_N + A_v * a_NB + A_p * v_NB - w.cross(state.d_N) -
-                       fade * state.disturbance_N();
+  const Vector3 jerk =
+      f_rate_N + A_v * a_NB + A_p * v_NB - w.cross(state.d_N) - fade * unknown_N;
 
   const double dt2 = 0.5 * dt * dt;
   const double kept = std::exp(-fade * dt);
@@ -49,16 +50,18 @@ MotionState extrapolate(const MotionState& state, const PredictionInput& input,
     const Matrix3 J_v = A_v * A_v + A_p;
     const Matrix3 J_b = A_v - fade * I;
     const Matrix3 J_d = J_b - W;
+    Matrix3 B = I;  // what b acts along
+    B.col(2) = input.lift_N;
     F->setZero();
     F->block<3, 3>(0, 0) = I + A_p * dt2;
     F->block<3, 3>(0, 6) = I * dt + A_v * dt2;
     F->block<3, 3>(0, 9) = I * dt2;
-    F->block<3, 3>(0, 12) = I * dt2;
+    F->block<3, 3>(0, 12) = B * dt2;
     F->block<3, 3>(3, 3) = turn_B.transpose();
     F->block<3, 3>(6, 0) = A_p * dt + J_p * dt2;
     F->block<3, 3>(6, 6) = I + A_v * dt + J_v * dt2;
     F->block<3, 3>(6, 9) = I * dt + J_d * dt2;
-    F->block<3, 3>(6, 12) = I * dt + J_b * dt2;
+    F->block<3, 3>(6, 12) = (I * dt + J_b * dt2) * B;
     F->block<3, 3>(9, 9) = turn_d;
     F->block<3, 3>(12, 12) = kept * I;
     if (model.force == ProcessModel::hover) {
@@ -75,17 +78,18 @@ Matrix15 process_covariance(const ProcessNoise& noise, Seconds dt, const Vector3
   // Integrals of the chains d -> v -> p and b -> v -> p; the turn of the axes and the
   // fading within dt are left out.
   const double qa = noise.acceleration * noise.acceleration;
-  const double qd = noise.disturbance * noise.disturbance;
   const double qb = noise.bias * noise.bias;
-  const double q = qd + qb;
   const double qr = noise.rate * noise.rate;
   const double dt2 = dt * dt, dt3 = dt2 * dt;
-  const double pp = qa * dt3 / 3 + q * dt3 * dt2 / 20;
-  const double pv = qa * dt2 / 2 + q * dt2 * dt2 / 8;
-  const double vv = qa * dt + q * dt3 / 3;
   const double p_1 = dt3 / 6, v_1 = dt2 / 2;
   Matrix15 Q = Matrix15::Zero();
   for (int i = 0; i < 3; ++i) {
+    const double wind = i < 2 ? noise.disturbance : noise.updraught;
+    const double qd = wind * wind;
+    const double q = qd + qb;
+    const double pp = qa * dt3 / 3 + q * dt3 * dt2 / 20;
+    const double pv = qa * dt2 / 2 + q * dt2 * dt2 / 8;
+    const double vv = qa * dt + q * dt3 / 3;
     Q(i, i) = pp;
     Q(3 + i, 3 + i) = qr * dt;
     Q(6 + i, 6 + i) = vv;

@@ -22,6 +22,9 @@ struct PredictionInput {
   PlatformState platform;            ///< Motion of N: frame terms and gravity.
   Vector3 f_N = Vector3::Zero();     ///< Expected specific force on B, in N, m/s^2.
   Vector3 w_NB_B = Vector3::Zero();  ///< Expected rate of B against N, in B, rad/s.
+  /// Thrust per weight, in N: what b's z acts along. A drone that is heavier or whose
+  /// rotors give less than supposed lacks a share of its thrust, wherever that points.
+  Vector3 lift_N = Vector3::UnitZ();
 };
 
 /// How a state goes on by itself.
@@ -34,14 +37,17 @@ struct MotionModel {
 
 /// The state with the acceleration that the model does not know, in N, m/s^2, in two
 /// parts that only the turn of N tells apart: d is constant in I (wind), b constant in
-/// N (drag of a drone that keeps station, thrust error, tilt error).
+/// N (drag of a drone that keeps station, tilt error). The z of b is a share of the
+/// thrust instead, times g: it acts along PredictionInput::lift_N.
 /// Tangent: (p, R, v, d, b), R on the right.
 struct MotionState {
   RelativeState x;
   Vector3 d_N = Vector3::Zero();
   Vector3 b_N = Vector3::Zero();
 
-  Vector3 disturbance_N() const { return d_N + b_N; }
+  Vector3 disturbance_N(const Vector3& lift_N = Vector3::UnitZ()) const {
+    return d_N + Vector3(b_N.x(), b_N.y(), 0) + b_N.z() * lift_N;
+  }
 };
 
 /// Spectral densities of the white noise that drives the model (continuous time).
@@ -50,9 +56,10 @@ struct ProcessNoise {
   /// of v_NB', m/s^2 per sqrt(Hz); over the random walks' it is the shortest time
   /// constant, s, in which these can follow.
   double acceleration = 0.1;
-  double disturbance = 1.7;  ///< random walk of d_N, m/s^3 per sqrt(Hz)
+  double disturbance = 1.7;  ///< random walk of d_N, m/s^3 per sqrt(Hz),
+  double updraught = 0.3;    ///< of its z: wind blows along the ground
   double bias = 0.9;         ///< random walk of b_N, m/s^3 per sqrt(Hz),
-  double thrust = 0;         ///< and besides along z of B, where thrust changes fast
+  double thrust = 1.7;       ///< and besides along z of B, where thrust changes
   /// random walk of the rate of turn that w_NB_B lacks, rad/s^2 per sqrt(Hz); 0: it is
   /// not estimated.
   double turn = 0;
@@ -60,7 +67,8 @@ struct ProcessNoise {
 
 /// Carries a state over `dt` s (may be negative):
 ///   p' = v,  R' = R hat(w_NB_B),  d' = -w_IN x d - d / tau,  b' = -b / tau
-///   v' = f_N + d + b + R_NI g - a_IN - 2 w x v - w x (w x p) - alpha x p
+///   v' = f_N + d + (b_x, b_y, 0) + b_z lift_N + R_NI g - a_IN - 2 w x v - w x (w x p)
+///   - alpha x p
 /// with f_N and tau by `model`. The paper's eqn:RSE_predict1 is `hover` with d = b = 0,
 /// a platform at rest and w_NB_B = 0. Second order in dt (the paper: first); at 10 ms
 /// and the rates of a landing the rest is below a micrometre, at 50 ms below a tenth of

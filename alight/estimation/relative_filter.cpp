@@ -151,9 +151,11 @@ void RelativeFilter::reset(Time t, const RelativeState& x,
   if (config_.estimate_disturbance) {
     state_.d_N = d_N;
     state_.b_N = b_N;
-    const double d_sd = config_.disturbance_sd, b_sd = config_.bias_sd;
-    P_.diagonal().segment<3>(9).setConstant(d_sd * d_sd);
-    P_.diagonal().tail<3>().setConstant(b_sd * b_sd);
+    const RelativeFilterConfig& c = config_;
+    Eigen::Matrix<double, 6, 1> sd;
+    sd << c.disturbance_sd, c.disturbance_sd, c.updraught_sd, c.bias_sd, c.bias_sd,
+        c.lift_sd;
+    P_.diagonal().tail<6>() = sd.cwiseAbs2();
   }
   led_bias_.setZero();
   report_ = UpdateReport{};
@@ -204,7 +206,8 @@ Result<void> RelativeFilter::predict_to(Time t, const PredictionInput& given) {
   if (!config_.platform_motion) input.platform = PlatformState{};
   if (config_.model == ProcessModel::hover) input.f_N.setZero();
   input.w_NB_B += turn_.w;
-  if (!finite(input.platform) || !input.f_N.allFinite() || !input.w_NB_B.allFinite()) {
+  if (!finite(input.platform) || !input.f_N.allFinite() || !input.w_NB_B.allFinite() ||
+      !input.lift_N.allFinite()) {
     return fail(Fault::invalid_input);
   }
 
@@ -212,7 +215,9 @@ Result<void> RelativeFilter::predict_to(Time t, const PredictionInput& given) {
   Matrix15 F;
   const MotionState next = extrapolate(state_, input, dt, config_.motion(), &F);
   ProcessNoise noise = config_.noise;
-  if (!config_.estimate_disturbance) noise.disturbance = noise.bias = noise.thrust = 0;
+  if (!config_.estimate_disturbance) {
+    noise.disturbance = noise.updraught = noise.bias = noise.thrust = 0;
+  }
   const Transition transition(F);
   Matrix15 P = transition.carry(P_) +
                restless_ * process_covariance(noise, dt, state_.x.R_NB.col(2));

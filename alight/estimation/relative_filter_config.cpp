@@ -20,12 +20,15 @@ Result<void> RelativeFilterConfig::validate() const {
       {"noise.rate", noise.rate, 0, 100},
       {"noise.acceleration", noise.acceleration, 0, 1000},
       {"noise.disturbance", noise.disturbance, 0, 1000},
+      {"noise.updraught", noise.updraught, 0, 1000},
       {"noise.bias", noise.bias, 0, 1000},
       {"noise.thrust", noise.thrust, 0, 1000},
       {"noise.turn", noise.turn, 0, 1000},
       {"disturbance_memory_s", disturbance_memory_s, 1, 1e6},
       {"disturbance_sd", disturbance_sd, 1e-6, 100},
+      {"updraught_sd", updraught_sd, 1e-6, 100},
       {"bias_sd", bias_sd, 1e-6, 100},
+      {"lift_sd", lift_sd, 1e-6, 100},
       {"variance_per_frame", variance_per_frame, 0, 100},
       {"pixel_sd_px", pixel_sd_px, 0, 100},
       {"led_position_sd_m", led_position_sd_m, 0, 0.1},
@@ -69,7 +72,12 @@ RelativeFilterConfig RelativeFilterConfig::paper() {
   c.model = ProcessModel::hover;
   c.platform_motion = false;
   c.estimate_disturbance = false;
-  c.noise = {.rate = 0, .acceleration = 0, .disturbance = 0, .bias = 0};
+  c.noise = {.rate = 0,
+             .acceleration = 0,
+             .disturbance = 0,
+             .updraught = 0,
+             .bias = 0,
+             .thrust = 0};
   c.variance_per_frame = 0.016;
   c.use_observation_cov = false;
   c.pixel_sd_px = std::sqrt(0.008);
@@ -92,9 +100,12 @@ RelativeFilterConfig RelativeFilterConfig::camera_only() {
   c.noise = {.rate = 0.02,
              .acceleration = 0.1,
              .disturbance = 0.4,
+             .updraught = 0.4,
              .bias = 0.4,
              .thrust = 2.5,
              .turn = 2};
+  c.updraught_sd = c.disturbance_sd;
+  c.lift_sd = c.bias_sd;
   c.pixel_sd_px = 0.02;
   // The pose against the camera: where that stands, its pictures do not tell.
   c = c.with_perfect_rig();

@@ -14,8 +14,10 @@ struct RelativeFilterConfig {
   bool estimate_disturbance = true;  ///< d_N and b_N as states; else they stay zero.
   double disturbance_memory_s = 30;  ///< MotionModel::memory_s.
   ProcessNoise noise;
-  double disturbance_sd = 1.2;  ///< d_N at reset, m/s^2.
-  double bias_sd = 0.6;         ///< b_N at reset, m/s^2.
+  double disturbance_sd = 1.2;  ///< d_N at reset, m/s^2,
+  double updraught_sd = 0.2;    ///< its z.
+  double bias_sd = 0.6;         ///< b_N at reset, m/s^2,
+  double lift_sd = 1.3;         ///< its z: an eighth of the thrust.
   /// Added besides `noise`: variance of every component of (p, R, v), m^2, rad^2,
   /// (m/s)^2, per 1/60 s, in proportion to time.
   double variance_per_frame = 0;

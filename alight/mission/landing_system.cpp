@@ -187,8 +187,7 @@ void LandingSystem::Parts::follow_autopilot(const AutopilotTelemetry& t, Time no
     Vector3& b_N = b_N_obeyed;
     if (alone) b_N = estimator.filter().motion_state().b_N;
     // It holds its height, whatever thrust that takes; the wind is as before.
-    const Vector3 up = -gravity_N(platform.at(now)).normalized();
-    estimator.restart_disturbance(alone ? Vector3(b_N - up * up.dot(b_N)) : b_N);
+    estimator.restart_disturbance(alone ? Vector3(b_N.x(), b_N.y(), 0) : b_N);
   }
   if (!alone) return;
   Setpoint as_it_flies;
@@ -423,6 +422,9 @@ void LandingSystem::step(const Input& input, Output& out, Probe* probe) {
   const Seconds acts =
       to_seconds(p.link.delay()) +
       1e-3 * (p.config.response.thrust_delay_ms + p.config.response.motor_ms);
+  if (p.config.delay_compensation) {
+    in.acts_in = to_seconds(p.link.delay()) + 1e-3 * p.config.response.delay_ms;
+  }
   in.z_acted = state.x.p_NB.z() + acts * state.x.v_NB.z();
   in.seen = p.estimator.last_sight();
   if (in.estimate_valid) {
@@ -440,8 +442,9 @@ void LandingSystem::step(const Input& input, Output& out, Probe* probe) {
   p.deck.add(input.now, p.platform, Vector3(0, 0, p.rig.drone.gear_height_m));
   FlatState over_pad;
   over_pad.p_NB.z() = p.rig.drone.gear_height_m;
-  const Vector3 f_now_N = wished_force_N(in.platform, over_pad, state.disturbance_N(),
-                                         p.config.attitude.drag_per_s);
+  const Vector3 f_now_N =
+      wished_force_N(in.platform, over_pad, state.disturbance_N(Vector3::Zero()),
+                     p.config.attitude.drag_per_s);
   const auto at_rest_N = [&](Seconds ahead) {
     Vector3 f_N = f_now_N;
     f_N.head<2>() += p.deck.force_N(ahead) - p.deck.force_N(0);
@@ -478,8 +481,9 @@ void LandingSystem::step(const Input& input, Output& out, Probe* probe) {
     // as the drone's mass may be off.
     const double thrust =
         p.response.at(in.seen - from_seconds(command.lifted_since)).thrust_m_s2;
-    const Vector3 b_N =
-        -kLiftTrust * (kGravity - thrust) * gravity_N(out.trace.platform).normalized();
+    const Vector3 b_N(
+        0, 0,
+        kLiftTrust * kGravity * (kGravity / std::max(thrust, 0.5 * kGravity) - 1));
     p.estimator.restart_disturbance(b_N);
     state.d_N.setZero();
     state.b_N = b_N;

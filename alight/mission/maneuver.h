@@ -22,7 +22,7 @@ class Maneuver {
 
   FlatState at(Time t) const;
   /// Of a landing: from `now` on it goes over to this share, 0 to 1, of its speed.
-  void aim_pace(Time now, double rate) { pace_.aim(now, rate); }
+  void aim_pace(Time from, double rate) { pace_.aim(from, rate); }
   double rate(Time t) const { return pace_.at(t).rate; }
   /// Of a landing: the state it comes to.
   FlatState end() const { return trajectory_.at(trajectory_.duration()); }

@@ -62,6 +62,7 @@ constexpr Seconds kShutDownUnheard = 3;
 constexpr double kStandNoise = 0.001;  // m; a rise that standing drones show
 // Error of speed counts for as long as the rest of a landing takes from the commit on.
 constexpr Seconds kMissAhead = 0.25;
+constexpr double kWaitsAt = 1.0 / 3;  // above the miss that slows it, as a share
 // m above gear height: enough to stop sinking in.
 constexpr double kRoomToLeave = 0.03;
 
@@ -933,6 +934,8 @@ void Mission::land(const MissionInput& in, Command& c, Output& out) {
     c.ramp_share = touch_down_.thrust_share(in.now);
     return;
   }
+  // A change of pace before what is sent acts could only be missed.
+  const Time acts = in.now + from_seconds(in.acts_in);
   // Where it would touch, off the middle of the pad.
   const double miss = horizontal(error + kMissAhead * (in.x.v_NB - ref.v_NB));
   if (committed_) c.square_up = touch_down_.square_up(in, miss);
@@ -954,11 +957,11 @@ void Mission::land(const MissionInput& in, Command& c, Output& out) {
       if (!battery_low_ && (quiet_deck_.swings(in) || quiet_deck_.waiting())) {
         const bool may_stop = in.x.p_NB.z() > commit_height + kStopsWithin;
         const bool waits = quiet_deck_.waits(in, maneuver_, miss, may_stop);
-        maneuver_.aim_pace(in.now, waits ? 0 : 1);
+        maneuver_.aim_pace(acts, waits ? 0 : 1);
       } else {
-        const double off = maneuver_.lag(in.now) < config_.wait_max_s ? miss : 0;
-        maneuver_.aim_pace(in.now,
-                           std::clamp(2 - off / config_.wait_error_m, 0.0, 1.0));
+        const double tired = 1 + maneuver_.lag(in.now) / config_.wait_more_s;
+        const double off = miss / (tired * config_.wait_error_m);
+        maneuver_.aim_pace(acts, std::clamp(1 - (off - 1) / kWaitsAt, 0.0, 1.0));
       }
     }
     if (hold_wanted_ && !battery_low_) {
@@ -982,7 +985,7 @@ void Mission::land(const MissionInput& in, Command& c, Output& out) {
            in, out);
       } else {
         committed_ = true;
-        maneuver_.aim_pace(in.now, 1);
+        maneuver_.aim_pace(acts, 1);
         note("past the commit height: it lands", in, out);
       }
     }

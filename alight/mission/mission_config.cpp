@@ -34,7 +34,7 @@ Result<void> MissionConfig::validate() const {
           {"mission.commit_error_m", commit_error_m, 0.001, 1},
           {"mission.wait_error_m", wait_error_m, 0, 1},
           {"mission.wait_room_m", wait_room_m, 0, 5},
-          {"mission.wait_max_s", wait_max_s, 0, 60},
+          {"mission.wait_more_s", wait_more_s, 0.1, 600},
           {"mission.take_off_back_m", take_off_back_m, 0, 1},
           {"mission.lift_m", lift_m, 0.001, 0.2},
           {"mission.slip_m", slip_m, 0.005, 1},

@@ -45,13 +45,13 @@ struct MissionConfig {
   double commit_height_m = 0.08;  ///< Above gear height; below, landing is the safe
                                   ///< choice. A climb takes 6 cm to begin.
   double commit_error_m = 0.10;   ///< Expected miss at which commit is refused.
-  double wait_error_m = 0.03;  ///< Miss from which the descent slows; at twice that it
-                               ///< waits. 0: never.
-  double wait_room_m = 0.12;   ///< Above the commit height: there it may wait,
-  double wait_max_s = 3;       ///< in all.
-  double quiet_deg = 3;        ///< A deck that swings is touched when it leans no more
-                               ///< than this against the drone. 0: whenever.
-  double quiet_more_s = 8;     ///< Or twice that after so long, thrice after twice it.
+  double wait_error_m = 0.018;  ///< Miss from which the descent slows; at a third more
+                                ///< it waits. 0: never.
+  double wait_more_s = 6;       ///< Or twice that after so long, thrice after twice it.
+  double wait_room_m = 0.12;    ///< Above the commit height: there it may wait.
+  double quiet_deg = 3;         ///< A deck that swings is touched when it leans no more
+                                ///< than this against the drone. 0: whenever.
+  double quiet_more_s = 8;      ///< Or twice that after so long, thrice after twice it.
   double go_around_error_m = 0.35;
   double sight_lost_s = 0.25;  ///< Without a tracked frame: lost target.
   // A lost target is searched for from above the follow point; then the drone stops

@@ -29,6 +29,7 @@ struct MissionInput {
   RelativeState x;              ///< At now.
   RelativeState x_seen;         ///< At the last picture.
   Time seen = 0;                ///< When that was captured.
+  Seconds acts_in = 0;          ///< From now to when an attitude sent now acts.
   double z_acted = 0;           ///< Height in N when thrust that is sent now acts, m.
   double position_sd_m = 0;     ///< Of x, as far as it is known, along the worst axis.
   Blindness blindness = Blindness::leds;  ///< Why nothing newer is seen.

@@ -8,23 +8,26 @@ namespace alight {
 
 Pace::Reading Pace::at(Time t) const {
   const Seconds passed = to_seconds(t - since_);
-  const double change = goal_ - rate_;
-  const Seconds changing = std::abs(change) / kSlew;
-  const double slope = std::copysign(kSlew, change);
-  if (passed < changing && passed > 0) {
-    return {s_ + passed * (rate_ + 0.5 * slope * passed), rate_ + slope * passed,
-            slope};
+  if (passed > 0) {
+    const double left = (rate_ - goal_) * std::exp(-passed / kTau);
+    return {s_ + goal_ * passed + kTau * (rate_ - goal_ - left), goal_ + left,
+            -left / kTau};
   }
-  if (passed <= 0) return {s_ + passed * rate_, rate_, 0};
-  const Seconds reached = changing * (rate_ + 0.5 * slope * changing);
-  return {s_ + reached + goal_ * (passed - changing), goal_, 0};
+  // As it went on before, from within its bounds.
+  const double since_bound = slope_before_ > 0 ? rate_ : rate_ - 1;
+  const Seconds changed =
+      slope_before_ == 0 ? 0 : std::max(passed, -since_bound / slope_before_);
+  const double rate = rate_ + slope_before_ * changed;
+  return {s_ + passed * rate - 0.5 * slope_before_ * changed * changed, rate,
+          changed == passed ? slope_before_ : 0};
 }
 
-void Pace::aim(Time now, double rate) {
+void Pace::aim(Time from, double rate) {
   assert(rate >= 0 && rate <= 1);
-  const Reading here = at(now);
-  since_ = now;
+  const Reading here = at(from);
+  since_ = from;
   s_ = here.s;
+  slope_before_ = here.slope;
   rate_ = std::clamp(here.rate, 0.0, 1.0);
   goal_ = rate;
 }

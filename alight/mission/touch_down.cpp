@@ -26,6 +26,7 @@ constexpr double kDropPerPush = 0.008;  // and more by this per m/s^2 of lean,
 constexpr double kDropMost = 0.005;     // at most. Falls of 5 mm are harmless.
 constexpr double kDropSeen = 0.06;      // From no higher than this, by what is seen.
 
+constexpr Seconds kFlareIsSet = 0.4;  // before the end
 // The flare waits for a drone that is above its reference, s, and hurries before.
 constexpr Seconds kFlareEarliest = -0.1, kFlareLatest = 0.35;
 constexpr double kFlareSlew = 0.8;    // s/s: the reference does not jump.
@@ -59,7 +60,10 @@ Seconds TouchDown::begins_before_end() const {
 void TouchDown::flare(const MissionInput& in, Maneuver& maneuver) {
   if (config_.flare_s <= 0) return;
   const double sink = std::max(-maneuver.end().v_NB.z(), 0.1);
-  if (!flared_ && maneuver.past_end(in.now) >= -begins_before_end()) {
+  const Seconds to_end = -maneuver.past_end(in.now);
+  // Wind and turns change while it waits above the pad.
+  if ((!flared_ && to_end <= begins_before_end()) ||
+      (flared_ && to_end > kFlareIsSet)) {
     flared_ = true;
     // Upright on the pad, whatever wind and turns would have it lean.
     Vector3 a_N = -config_.flare_share * in.f_touch_N;

@@ -24,12 +24,34 @@ TEST(Pace, LeftAloneItIsTheClock) {
 TEST(Pace, StopsAndGoesOnWithoutAJump) {
   Pace pace(0);
   pace.aim(kSecond, 0);
-  const Time stopped = kSecond + from_seconds(1 / Pace::kSlew);
-  EXPECT_NEAR(pace.at(stopped).rate, 0, 1e-9);
-  EXPECT_NEAR(pace.at(stopped).s, 1 + 0.5 / Pace::kSlew, 1e-9);
-  EXPECT_EQ(pace.at(9 * kSecond).s, pace.at(5 * kSecond).s);
+  EXPECT_NEAR(pace.at(kSecond + from_seconds(Pace::kTau)).rate, std::exp(-1), 1e-9);
+  EXPECT_NEAR(pace.at(9 * kSecond).s, 1 + Pace::kTau, 1e-9);
+  EXPECT_NEAR(pace.at(9 * kSecond).rate, 0, 1e-9);
   pace.aim(9 * kSecond, 1);
   EXPECT_NEAR(pace.at(20 * kSecond).s - pace.at(19 * kSecond).s, 1, 1e-9);
+}
+
+// What is aimed for takes effect some hundredths of a second later; until then the
+// clock is read before that.
+TEST(Pace, AimedAheadItIsReadBeforeAsItWentOn) {
+  constexpr Time kAhead = 80 * kMs, kStep = 10 * kMs;
+  for (const double goal : {0.0, 0.5, 1.0}) {
+    Pace pace(0);
+    pace.aim(kSecond, 0.3);
+    Pace::Reading ahead = pace.at(kSecond + 3 * kStep + kAhead);
+    for (Time now = kSecond + 4 * kStep; now < 3 * kSecond; now += kStep) {
+      pace.aim(now + kAhead, goal);
+      const Pace::Reading here = pace.at(now + kAhead);
+      EXPECT_NEAR(here.rate, ahead.rate + to_seconds(kStep) * here.slope, 2e-3);
+      ahead = here;
+      const Pace::Reading before = pace.at(now);
+      ASSERT_GE(before.rate, 0);
+      ASSERT_LE(before.rate, 1);
+      // Its place is the integral of its rate, read backwards as well.
+      const Pace::Reading later = pace.at(now + kMs);
+      ASSERT_NEAR(later.s - before.s, 0.5e-3 * (before.rate + later.rate), 1e-6);
+    }
+  }
 }
 
 TEST(Pace, HoweverItIsAimedItRunsForwardEvenly) {
@@ -48,10 +70,10 @@ TEST(Pace, HoweverItIsAimedItRunsForwardEvenly) {
       const Pace::Reading now = pace.at(t);
       ASSERT_GE(now.rate, 0);
       ASSERT_LE(now.rate, 1 + 1e-12);
-      // s' is the rate, rate' no more than kSlew.
+      // s' is the rate, rate' no more than 1 / kTau.
       ASSERT_NEAR(now.s - before.s, 0.5e-3 * (now.rate + before.rate),
-                  2 * Pace::kSlew * 1e-6);
-      ASSERT_LE(std::abs(now.rate - before.rate), 1.001e-3 * Pace::kSlew);
+                  2e-6 / Pace::kTau);
+      ASSERT_LE(std::abs(now.rate - before.rate), 1.001e-3 / Pace::kTau);
       before = now;
     }
   }
