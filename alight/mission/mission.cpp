@@ -959,7 +959,7 @@ void Mission::land(const MissionInput& in, Command& c, Output& out) {
         const bool waits = quiet_deck_.waits(in, maneuver_, miss, may_stop);
         maneuver_.aim_pace(acts, waits ? 0 : 1);
       } else {
-        const double tired = 1 + maneuver_.lag(in.now) / config_.wait_more_s;
+        const double tired = std::exp2(maneuver_.lag(in.now) / config_.wait_more_s);
         const double off = miss / (tired * config_.wait_error_m);
         maneuver_.aim_pace(acts, std::clamp(1 - (off - 1) / kWaitsAt, 0.0, 1.0));
       }

@@ -47,7 +47,7 @@ struct MissionConfig {
   double commit_error_m = 0.10;   ///< Expected miss at which commit is refused.
   double wait_error_m = 0.018;  ///< Miss from which the descent slows; at a third more
                                 ///< it waits. 0: never.
-  double wait_more_s = 6;       ///< Or twice that after so long, thrice after twice it.
+  double wait_more_s = 4;       ///< Or twice that after so long, and so on.
   double wait_room_m = 0.12;    ///< Above the commit height: there it may wait.
   double quiet_deg = 3;         ///< A deck that swings is touched when it leans no more
                                 ///< than this against the drone. 0: whenever.

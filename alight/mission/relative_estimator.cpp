@@ -493,7 +493,8 @@ void RelativeEstimator::search(const CameraFrame& frame, const MotionSource& mot
       if (!found && open.size() < Rivals::capacity()) open.push_back(rival);
     }
     // Lamps in a row look like white LEDs that are somewhat off, picture after picture.
-    if (found && config_.keep_rivals && !filter_.initialized() &&
+    // A drone at rest where it is known to stand does not move either.
+    if (found && config_.keep_rivals && !filter_.initialized() && !expecting_ &&
         found->in_color < kColored && found->fit.rms_px > config_.placed_sd_px) {
       open.push_back({found->fit.X_NB, found->fit.cov,
                       static_cast<int>(found->frame.seen.size()), true});

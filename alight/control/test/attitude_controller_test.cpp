@@ -44,6 +44,23 @@ TEST(AttitudeController, LeansTowardsTheErrorAndAgainstTheDisturbance) {
             1.05 / DroneSpec{}.thrust_to_weight);
 }
 
+// More thrust makes up for thrust that is lacking, along whatever it points.
+TEST(AttitudeController, ThrustThatIsLackingIsGivenWithoutLeaningMore) {
+  AttitudeInput in = at_rest();
+  in.platform.a_IN_N = in.platform_later.a_IN_N = Vector3(0, 1, 0);
+  in.state.v_NB.setZero();
+  AttitudeControllerConfig config;
+  config.ka = config.ka_z = 0;  // the model's force is not looked at
+  const auto step = [&] {
+    return AttitudeController::create(config, {}, {}).value().step(in, 0.01).setpoint;
+  };
+  const Setpoint as_supposed = step();
+  in.b_N.z() = -0.1 * kGravity;
+  const Setpoint heavy = step();
+  EXPECT_LT(heavy.q_IB.angularDistance(as_supposed.q_IB), 1e-9);
+  EXPECT_NEAR(heavy.thrust, as_supposed.thrust / 0.9, 1e-9);
+}
+
 TEST(AttitudeController, WithoutFeedForwardATurnIsNotLeantInto) {
   AttitudeInput in = at_rest();
   in.platform.a_IN_N = in.platform_later.a_IN_N = Vector3(0, 0.5, 0);

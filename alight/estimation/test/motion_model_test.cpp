@@ -25,6 +25,7 @@ PredictionInput random_input(Rng& rng) {
   u.platform.alpha_IN_N = random3(rng, 1);
   u.f_N = random3(rng, 5);
   u.w_NB_B = random3(rng, 2);
+  u.lift_N = Vector3::UnitZ() + random3(rng, 0.3);
   return u;
 }
 
@@ -126,6 +127,18 @@ TEST(MotionModel, DisturbanceIsAnAcceleration) {
   const auto x = extrapolate(s, u, 0.2, {.memory_s = kForever}).x;
   EXPECT_LT((x.v_NB - Vector3(0.2, 0.4, 0)).norm(), 1e-12);
   EXPECT_LT((x.p_NB - Vector3(0.02, 0.04, 0)).norm(), 1e-12);
+}
+
+// A drone a tenth too heavy for its thrust, leaning: it lacks a tenth of what pushes it
+// to the side, too.
+TEST(MotionModel, ThrustThatIsLackingLacksWhereverItPoints) {
+  PredictionInput u;
+  u.f_N = {3, -1, kGravity};
+  u.lift_N = u.f_N / kGravity;
+  MotionState s;
+  s.b_N.z() = -0.1 * kGravity;
+  const auto x = extrapolate(s, u, 0.2, {.memory_s = kForever}).x;
+  EXPECT_LT((x.v_NB - 0.2 * Vector3(2.7, -0.9, -0.1 * kGravity)).norm(), 1e-12);
 }
 
 TEST(MotionModel, WindStaysInIAndBiasInN) {

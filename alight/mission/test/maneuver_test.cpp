@@ -62,13 +62,13 @@ TEST(Maneuver, WaitsWhereItIsAndFallsBehindByAsMuch) {
   Rng rng(7);
   Maneuver m = Maneuver::landing(some_landing(rng), 0, 0.08);
   m.aim_pace(kSecond, 0);
-  const FlatState waiting = m.at(2 * kSecond);
+  const FlatState waiting = m.at(10 * kSecond);
   EXPECT_TRUE(waiting.v_NB.isZero(1e-9));
   EXPECT_TRUE(waiting.a_NB.isZero(1e-9));
-  EXPECT_EQ(m.at(5 * kSecond).p_NB, waiting.p_NB);
-  EXPECT_NEAR(m.lag(5 * kSecond) - m.lag(2 * kSecond), 3, 1e-9);
+  EXPECT_LT((m.at(15 * kSecond).p_NB - waiting.p_NB).norm(), 1e-9);
+  EXPECT_NEAR(m.lag(15 * kSecond) - m.lag(10 * kSecond), 5, 1e-9);
   EXPECT_FALSE(m.done(100 * kSecond));
-  m.aim_pace(5 * kSecond, 1);
+  m.aim_pace(15 * kSecond, 1);
   EXPECT_TRUE(m.done(100 * kSecond));
 }
 
