@@ -62,6 +62,7 @@ constexpr Seconds kShutDownUnheard = 3;
 constexpr double kStandNoise = 0.001;  // m; a rise that standing drones show
 // Error of speed counts for as long as the rest of a landing takes from the commit on.
 constexpr Seconds kMissAhead = 0.25;
+constexpr Seconds kRampActsIn = 0.1;  // Later, the take-off's thrust grows more slowly.
 constexpr double kWaitsAt = 1.0 / 3;  // above the miss that slows it, as a share
 // m above gear height: enough to stop sinking in.
 constexpr double kRoomToLeave = 0.03;
@@ -624,8 +625,7 @@ void Mission::taken_off(const MissionInput& in, Command& c, Output& out) {
     go(MissionState::refused, "the pilot took over before the take-off", in, out);
     return;
   }
-  const double rate =
-      config_.start_on_floor ? config_.blind_ramp_rate : config_.ramp_rate;
+  const double rate = ramp_rate(in);
   const double share = config_.ramp_from + rate * in_state(in);
   if (obeyed_ &&
       (in.mode == AutopilotMode::failsafe || in.mode == AutopilotMode::land)) {
@@ -698,9 +698,8 @@ void Mission::taken_off(const MissionInput& in, Command& c, Output& out) {
   c.lifted = true;
   // Thrust grows evenly, so the rise goes with the third power of time.
   const double flown = std::max(rise - kStandNoise, 0.0);
-  c.lifted_since = config_.start_on_floor
-                       ? 0
-                       : std::cbrt(6 * flown / (config_.ramp_rate * kGravity));
+  c.lifted_since =
+      config_.start_on_floor ? 0 : std::cbrt(6 * flown / (ramp_rate(in) * kGravity));
   c.mode = Command::Mode::track;
   FlatState from;
   from.p_NB = in.x.p_NB;
@@ -719,13 +718,20 @@ void Mission::taken_off(const MissionInput& in, Command& c, Output& out) {
   maneuver_ = Maneuver::move(PointToPoint(in.now, from, up, 0, limits));
 }
 
+// Until lift-off is known and answered thrust goes on growing: over a late link it
+// would throw the drone up, off to where the wind drives it, faster than it is seen.
+double Mission::ramp_rate(const MissionInput& in) const {
+  if (config_.start_on_floor) return config_.blind_ramp_rate;
+  return config_.ramp_rate * std::min(1.0, kRampActsIn / std::max(in.acts_in, 1e-3));
+}
+
 // Light on its feet it may still stand when it is seen to slide: what the ground
 // carries is no wind from below. (To limit its tilt has it slide off in a wind.)
 void Mission::leave_ground(const MissionInput& in, Command& c) const {
   const Seconds since = to_seconds(in.now - lifted_at_);
   if (config_.start_on_floor || since > kLeavesIn) return;
   if (in.x_seen.p_NB.z() - p_rest_.z() > kLeft) return;
-  c.thrust_least = std::min(share_lifted_ + config_.ramp_rate * since, config_.ramp_to);
+  c.thrust_least = std::min(share_lifted_ + ramp_rate(in) * since, config_.ramp_to);
 }
 
 void Mission::follow(const MissionInput& in, Output& out) {

@@ -88,6 +88,7 @@ class Mission {
   /// flies.
   double platform_wish(const MissionInput& in);
   /// The drone would come down on the platform, drove that on.
+  double ramp_rate(const MissionInput& in) const;  // 1/s
   void leave_ground(const MissionInput& in, Command& c) const;
   bool stays_beside(const MissionInput& in) const;
   bool would_meet(const MissionInput& in) const;
