@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <bit>
 
+#include "alight/vision/widest_triangle.h"
+
 namespace alight {
 namespace {
 
@@ -67,20 +69,8 @@ class Readings {
     if (++tried_ > kMostTried) return;
     const ObservationSpan read(reading_.data(), reading_.size());
     // Three of them and a few steps tell most that are none.
-    std::array<std::size_t, 3> corner = {0, 0, 0};
-    double widest = 0;
-    for (std::size_t i = 0; i < read.size(); ++i) {
-      for (std::size_t j = i + 1; j < read.size(); ++j) {
-        for (std::size_t k = j + 1; k < read.size(); ++k) {
-          const Vector3 a = first_led(read[j]) - first_led(read[i]);
-          const Vector3 b = first_led(read[k]) - first_led(read[i]);
-          const double area = a.cross(b).norm();
-          if (area <= widest) continue;
-          widest = area;
-          corner = {i, j, k};
-        }
-      }
-    }
+    const auto corner =
+        widest_triangle(read.size(), [&](std::size_t i) { return first_led(read[i]); });
     Vector3 p_BL[3];
     Vector2 uv[3];
     for (std::size_t n = 0; n < 3; ++n) {

@@ -7,6 +7,8 @@
 #include <iomanip>
 #include <sstream>
 
+#include "alight/vision/widest_triangle.h"
+
 namespace alight {
 namespace {
 
@@ -108,19 +110,11 @@ Likeness most_alike(const Constellation& leds, const Shape& shape,
                     const ConstellationUse& use, double limit) {
   const int n = leds.size();
   // The widest triangle is what others are laid upon.
-  int a = 0, b = 1, c = 2;
-  double widest = 0;
-  for (int i = 0; i < n; ++i) {
-    for (int j = i + 1; j < n; ++j) {
-      for (int k = j + 1; k < n; ++k) {
-        const double area =
-            (leds.p_BL(j) - leds.p_BL(i)).cross(leds.p_BL(k) - leds.p_BL(i)).norm();
-        if (area <= widest) continue;
-        widest = area;
-        a = i, b = j, c = k;
-      }
-    }
-  }
+  const auto corners = widest_triangle(static_cast<std::size_t>(n), [&](std::size_t i) {
+    return leds.p_BL(static_cast<int>(i));
+  });
+  const int a = static_cast<int>(corners[0]), b = static_cast<int>(corners[1]),
+            c = static_cast<int>(corners[2]);
   const auto side = [&](int i, int j) { return Vector3(leds.p_BL(j) - leds.p_BL(i)); };
   const Matrix3 from = axes_of(side(a, b), side(a, c));
   Likeness best;

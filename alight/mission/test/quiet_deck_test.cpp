@@ -4,6 +4,7 @@
 
 #include <cmath>
 
+#include "alight/mission/test/sinking_landing.h"
 #include "alight/platform/deck_motion.h"
 
 namespace alight {
@@ -16,15 +17,8 @@ constexpr Seconds kStep = 0.01;
 class QuietDeckTest : public ::testing::Test {
  protected:
   QuietDeckTest() : quiet_(config_, rig_) {
-    trajectory_.durations = {1, 1};
-    for (std::size_t s = 0; s < kSegments; ++s) {
-      for (std::size_t i = 0; i < kControlPoints; ++i) {
-        const double share = static_cast<double>(i) / (kControlPoints - 1);
-        const double t = static_cast<double>(s) + share;
-        trajectory_.c[s][i] = Vector3(0, 0, rig_.drone.gear_height_m + 0.25 * (2 - t));
-      }
-    }
-    maneuver_ = Maneuver::landing(trajectory_, 0, config_.sink_m);
+    maneuver_ =
+        Maneuver::landing(sinking_landing(rig_.drone.gear_height_m), 0, config_.sink_m);
     quiet_.begin();
   }
 
@@ -47,7 +41,6 @@ class QuietDeckTest : public ::testing::Test {
   MissionConfig config_;
   Rig rig_ = alan_rig();
   QuietDeck quiet_;
-  Trajectory trajectory_;
   Maneuver maneuver_;
 };
 

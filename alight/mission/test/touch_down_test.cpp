@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include "alight/mission/test/sinking_landing.h"
+
 namespace alight {
 namespace {
 
@@ -11,16 +13,7 @@ constexpr Seconds kStep = 0.01;
 class TouchDownTest : public ::testing::Test {
  protected:
   TouchDownTest() : touch_(config_, rig_) {
-    trajectory_.durations = {1, 1};
-    const double sink = 0.25;
-    for (std::size_t s = 0; s < kSegments; ++s) {
-      for (std::size_t i = 0; i < kControlPoints; ++i) {
-        const double share = static_cast<double>(i) / (kControlPoints - 1);
-        const double t = static_cast<double>(s) + share;
-        trajectory_.c[s][i] = Vector3(0, 0, gear() + sink * (2 - t));
-      }
-    }
-    maneuver_ = Maneuver::landing(trajectory_, 0, config_.sink_m);
+    maneuver_ = Maneuver::landing(sinking_landing(gear()), 0, config_.sink_m);
     touch_.begin();
   }
 
@@ -56,7 +49,6 @@ class TouchDownTest : public ::testing::Test {
   MissionConfig config_;
   Rig rig_ = alan_rig();
   TouchDown touch_;
-  Trajectory trajectory_;
   Maneuver maneuver_;
 };
 
