@@ -27,6 +27,17 @@ constexpr double kHoldChi2 = 3;       // per pixel, times what is usual
 constexpr double kHoldHeight = 2.5;   // factor by which an LED's light may change
 constexpr double kFull = 200;         // grey levels; brighter LEDs may look white
 constexpr double kSpreadLeast = 0.3, kSpreadMost = 9;  // px^2
+constexpr double kSkirtMost = 0.3;
+// Skirts of lights farther off do not matter,
+constexpr double kBesidePx = 9;
+// and of those farther than this not exactly where they stand. Nearer ones that turn
+// out to be so far from where they were expected, or so much brighter or dimmer, are
+// taken off anew.
+constexpr double kNearPx = 6, kMovedPx = 0.15, kChanged = 0.3;
+constexpr int kSkirtMemory = 60;  // looks
+constexpr int kSkirtEvery = 4;    // pictures, once it is known
+constexpr double kSkirtBlur = 1;  // px; a longer streak has another skirt
+constexpr int kLampReach = 3;     // px around a lamp that its light reaches
 
 /// Takes the LEDs for which `keep` is false out of the information, the rest being
 /// told without them.
@@ -94,6 +105,17 @@ struct LedResolver::Patch {
   FixedVector<int, kMaxLeds> members;
   double area_px = 0;  ///< Of the largest of its blobs; 0: none.
   std::optional<SpotFit> fit;
+};
+
+/// A picture with what is known of its lights.
+struct LedResolver::Look {
+  const ImageView& image;
+  BlobSpan blobs;
+  const Assignment& match;
+  const LedImages& images;
+  std::span<const Vector2> blur_px;
+  int margin_px;                               ///< Around lamps.
+  std::array<LightBeside, kMaxLeds> lights{};  ///< Of the LEDs; height 0: none known.
 };
 
 Result<LedResolver> LedResolver::create(const LedResolverConfig& config,
@@ -182,9 +204,53 @@ void LedResolver::add(const Patch& patch, BlobSpan blobs, const Assignment& matc
   out.groups.push_back(group);
 }
 
-void LedResolver::fit(const ImageView& image, BlobSpan blobs, const Assignment& match,
-                      const LedImages& images, std::span<const Vector2> blur_px,
-                      int margin_px, Patch& patch) const {
+LedResolver::Look LedResolver::look_at(const ImageView& image, BlobSpan blobs,
+                                       const Assignment& match, const LedImages& images,
+                                       std::span<const Vector2> blur_px,
+                                       int margin_px) const {
+  Look look{image, blobs, match, images, blur_px, margin_px};
+  for (int i = 0; i < leds_.size(); ++i) {
+    const auto n = static_cast<std::size_t>(i);
+    if (images.in_front[n] && ((lit_ >> i) & 1)) {
+      look.lights[n] = {images.uv[n], heights_[n]};
+    }
+  }
+  return look;
+}
+
+template <class Wanted>
+void LedResolver::fit_all(Look& look, Patches& patches, Wanted&& wanted) const {
+  const auto expected = look.lights;
+  for (Patch& patch : patches) {
+    if (wanted(patch)) fit(look, patch);
+  }
+  const auto changed = [&](std::size_t i) {
+    const LightBeside &now = look.lights[i], &then = expected[i];
+    return (now.uv - then.uv).norm() > kMovedPx ||
+           std::abs(now.height - then.height) > kChanged * now.height;
+  };
+  for (std::size_t p = 0; p < patches.size(); ++p) {
+    Patch& patch = patches[p];
+    if (!patch.fit || !wanted(patch)) continue;
+    bool again = false;
+    // Those before it were known when it was fitted.
+    for (std::size_t q = p + 1; q < patches.size(); ++q) {
+      for (const int other : patches[q].members) {
+        const auto i = static_cast<std::size_t>(other);
+        for (const int own : patch.members) {
+          const auto k = static_cast<std::size_t>(own);
+          again = again || (changed(i) &&
+                            (look.lights[i].uv - look.lights[k].uv).norm() < kNearPx);
+        }
+      }
+    }
+    if (again) fit(look, patch);
+  }
+}
+
+void LedResolver::fit(Look& look, Patch& patch) const {
+  const Assignment& match = look.match;
+  const BlobSpan blobs = look.blobs;
   const auto count = static_cast<double>(patch.members.size());
   if (patch.members.size() > kMaxGroup) return;
   if (patch.area_px > config_.area_max_px * count) return;
@@ -193,9 +259,9 @@ void LedResolver::fit(const ImageView& image, BlobSpan blobs, const Assignment& 
   Vector2 blur = Vector2::Zero();
   for (const int i : patch.members) {
     const auto n = static_cast<std::size_t>(i);
-    starts.push_back(images.uv[n]);
+    starts.push_back(look.images.uv[n]);
     heights.push_back(heights_[n]);
-    blur += blur_px[n] / count;
+    blur += look.blur_px[n] / count;
   }
   const int first = match.blob[static_cast<std::size_t>(patch.members[0])];
   if (starts.size() == 1 && first >= 0) {
@@ -207,20 +273,78 @@ void LedResolver::fit(const ImageView& image, BlobSpan blobs, const Assignment& 
     const bool used = std::find(match.blob.begin(), match.blob.end(),
                                 static_cast<int>(j)) != match.blob.end();
     if (used) continue;
-    foreign.push_back(foreign_light(blobs[j], margin_px));
+    foreign.push_back(foreign_light(blobs[j], look.margin_px));
   }
-  auto found =
-      fit_spots(image, {starts.data(), starts.size()}, {heights.data(), heights.size()},
-                spread_, blur, {foreign.data(), foreign.size()});
+  FixedVector<LightBeside, kMaxLeds> beside;
+  for (int i = 0; i < leds_.size(); ++i) {
+    const LightBeside& light = look.lights[static_cast<std::size_t>(i)];
+    if (!(light.height > 0) || std::find(patch.members.begin(), patch.members.end(),
+                                         i) != patch.members.end()) {
+      continue;
+    }
+    const auto near = [&](const Vector2& uv) {
+      return (uv - light.uv).norm() < kBesidePx;
+    };
+    if (std::any_of(starts.begin(), starts.end(), near)) beside.push_back(light);
+  }
+  auto found = fit_spots(
+      look.image, {starts.data(), starts.size()}, {heights.data(), heights.size()},
+      spread_, blur, {foreign.data(), foreign.size()}, {beside.data(), beside.size()});
   if (!found) return;
   if (patch.area_px == 0 &&
       (found->height[0] < kDimLeast ||
        (found->uv[0] - starts[0]).norm() > config_.dim_reach_px)) {
     return;
   }
-  if (!patch.fit || found->chi2_per_pixel < patch.fit->chi2_per_pixel) {
-    patch.fit = found;
+  if (patch.fit && found->chi2_per_pixel > patch.fit->chi2_per_pixel) return;
+  patch.fit = found;
+  for (std::size_t k = 0; k < patch.members.size(); ++k) {
+    look.lights[static_cast<std::size_t>(patch.members[k])] = {found->uv[k],
+                                                               found->height[k]};
   }
+}
+
+void LedResolver::learn_skirt(const Look& look, const Patches& patches) {
+  // Around one LED a picture: what the Gaussians leave there.
+  const auto count = static_cast<std::size_t>(leds_.size());
+  ++pictures_;
+  if (skirt_looks_ >= kSkirtMemory && pictures_ % kSkirtEvery != 0) return;
+  next_ = (next_ + 1) % count;
+  const Vector2 middle = look.lights[next_].uv;
+  FixedVector<LightBeside, kMaxLeds> lights;
+  bool seen = false;
+  for (const Patch& patch : patches) {
+    for (std::size_t k = 0; k < patch.members.size(); ++k) {
+      const auto i = static_cast<std::size_t>(patch.members[k]);
+      if (!patch.fit) {
+        if ((look.images.uv[i] - middle).norm() < 2 * kSkirtBox) return;
+        continue;
+      }
+      seen = seen || i == next_;
+      const LightBeside light{patch.fit->uv[k], patch.fit->height[k]};
+      if ((light.uv - middle).norm() < 3 * kSkirtBox) lights.push_back(light);
+    }
+  }
+  if (!seen || look.blur_px[next_].norm() > kSkirtBlur) return;
+  for (std::size_t j = 0; j < look.blobs.size(); ++j) {
+    const Roi& box = look.blobs[j].box;
+    const int reach = kSkirtBox + kLampReach;
+    const bool near = box.u0 < middle.x() + reach && box.u1 > middle.x() - reach &&
+                      box.v0 < middle.y() + reach && box.v1 > middle.y() - reach;
+    const auto& own = look.match.blob;
+    if (near && std::find(own.begin(), own.end(), static_cast<int>(j)) == own.end()) {
+      return;
+    }
+  }
+  const auto found =
+      look_at_skirt(look.image, middle, {lights.data(), lights.size()}, spread_);
+  if (!found) return;
+  skirt_looks_ = std::min(skirt_looks_ + 1, kSkirtMemory);
+  skirt_information_ =
+      (1 - 1.0 / kSkirtMemory) * skirt_information_ + found->information;
+  spread_.skirt +=
+      found->information / skirt_information_ * (found->skirt - spread_.skirt);
+  spread_.skirt = std::clamp(spread_.skirt, 0.0, kSkirtMost);
 }
 
 LedResolver::Patches LedResolver::patches(const LedImages& images, BlobSpan blobs,
@@ -265,8 +389,9 @@ void LedResolver::resolve(const ImageView& image, BlobSpan blobs,
   // Patches with blobs first; what they say of the pose shows where to look for the
   // rest.
   bool all = true;
+  Look look = look_at(image, blobs, match, images, blur_px, 0);
+  fit_all(look, patches, [](const Patch& patch) { return patch.area_px > 0; });
   for (Patch& patch : patches) {
-    if (patch.area_px > 0) fit(image, blobs, match, images, blur_px, 0, patch);
     all = all && patch.fit && patch.fit->chi2_per_pixel < kGoodChi2;
   }
   const auto collect = [&] {
@@ -295,15 +420,17 @@ void LedResolver::resolve(const ImageView& image, BlobSpan blobs,
                                   detail.X_NB_predicted, &detail.prior_information, 6);
     if (pose) {
       const LedImages again = led_images(camera_, leds_, pose->X_NB);
+      Look anew{image, blobs, match, again, blur_px, 0, look.lights};
       for (Patch& patch : patches) {
         if (patch.fit && patch.fit->chi2_per_pixel < kGoodChi2) continue;
         if (patch.area_px == 0 && (patch.members.size() > 1 || !sure)) continue;
-        fit(image, blobs, match, again, blur_px, 0, patch);
+        fit(anew, patch);
       }
       out = collect();
     }
   }
   for (const Patch& patch : patches) learn(patch);
+  learn_skirt(look, patches);
   frame.seen = out.seen;
   frame.groups = out.groups;
   lit_ = 0;
@@ -362,8 +489,9 @@ std::optional<LedFrame> LedResolver::follow(const ImageView& image, BlobSpan blo
   Patches patches = this->patches(images, blobs, match);
   LedFrame out;
   out.t = t;
+  Look look = look_at(image, blobs, match, images, blur_px, 0);
+  fit_all(look, patches, [](const Patch&) { return true; });
   for (Patch& patch : patches) {
-    fit(image, blobs, match, images, blur_px, 0, patch);
     if (patch.fit) {
       add(patch, blobs, match, out);
       continue;
@@ -400,6 +528,7 @@ std::optional<LedFrame> LedResolver::follow(const ImageView& image, BlobSpan blo
   }
   lit_ = lit;
   for (const Patch& patch : patches) learn(patch);
+  learn_skirt(look, patches);
   return out;
 }
 
@@ -465,8 +594,10 @@ LedFrame LedResolver::hold(const ImageView& image, BlobSpan blobs,
   }
 
   std::uint16_t lit = 0;
-  for (Patch& patch : patches(images, blobs, match)) {
-    fit(image, blobs, match, images, blur_px, kHoldMargin, patch);
+  Look look = look_at(image, blobs, match, images, blur_px, kHoldMargin);
+  Patches patches = this->patches(images, blobs, match);
+  fit_all(look, patches, [](const Patch&) { return true; });
+  for (const Patch& patch : patches) {
     if (!patch.fit || patch.fit->chi2_per_pixel > kHoldChi2 * std::max(noise_, 1.0)) {
       continue;
     }

@@ -72,6 +72,7 @@ class LedResolver {
  private:
   struct Patch;
   using Patches = FixedVector<Patch, kMaxLeds>;
+  struct Look;
 
   LedResolver(const LedResolverConfig& config, const Camera& camera,
               const Constellation& leds);
@@ -80,9 +81,14 @@ class LedResolver {
   void learn(const Patch& patch);
   void add(const Patch& patch, BlobSpan blobs, const Assignment& match,
            LedFrame& out) const;
-  void fit(const ImageView& image, BlobSpan blobs, const Assignment& match,
-           const LedImages& images, std::span<const Vector2> blur_px, int margin_px,
-           Patch& patch) const;
+  Look look_at(const ImageView& image, BlobSpan blobs, const Assignment& match,
+               const LedImages& images, std::span<const Vector2> blur_px,
+               int margin_px) const;
+  /// Fits the patches for which `wanted` holds, each without the light of the others.
+  template <class Wanted>
+  void fit_all(Look& look, Patches& patches, Wanted&& wanted) const;
+  void fit(Look& look, Patch& patch) const;
+  void learn_skirt(const Look& look, const Patches& patches);
   bool is_its_own(const Blob& blob, int led, const Vector2& blur_px) const;
 
   LedResolverConfig config_;
@@ -93,6 +99,9 @@ class LedResolver {
   std::uint16_t lit_ = 0;                   // LEDs seen the last time
   double noise_ = 1;                        // chi2 per pixel to be expected
   double known_ = 0;  // patches learnt from, at most spread_memory
+  double skirt_information_ = 0;
+  int skirt_looks_ = 0, pictures_ = 0;
+  std::size_t next_ = 0;  // LED around which the skirt is looked at next
 };
 
 }  // namespace alight

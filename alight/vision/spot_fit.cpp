@@ -22,6 +22,12 @@ constexpr double kChi2Max = 12;       // per pixel
 constexpr int kIterations = 5;
 constexpr double kStepPx = 0.06;
 
+constexpr auto kSkirt = static_cast<float>(1 / PointSpread::kSkirtVariance);
+
+constexpr float kSkirtFrom = 2.3f;  // standard deviations, from any light
+constexpr float kCoreDoubt = 0.3f;  // share of the Gaussian that may be off out there
+constexpr double kSkirtInformationLeast = 1;
+
 constexpr int kLane = 4;         // pixels go through the machine in fours
 constexpr int kPixelsMax = 512;  // a multiple of kLane
 
@@ -47,6 +53,17 @@ void take(const ImageView& image, int u, int v, std::size_t at, Pixels& out) {
   out.light[at] = light;
   out.full[at] = most >= kCensored ? 1.f : 0.f;
   out.weight[at] = 1 / (kReadVariance + kShot * light + mismatch * mismatch);
+}
+
+/// Up to a whole lane.
+void pad(Pixels& out) {
+  auto count = static_cast<std::size_t>(out.count);
+  for (; count % kLane != 0; ++count) {
+    out.u[count] = out.u[0];
+    out.v[count] = out.v[0];
+    out.light[count] = out.full[count] = out.weight[count] = 0;
+  }
+  out.padded = static_cast<int>(count);
 }
 
 bool gather(const ImageView& image, std::span<const Vector2> starts, double reach,
@@ -84,12 +101,7 @@ bool gather(const ImageView& image, std::span<const Vector2> starts, double reac
   }
   if (count <= 3 * starts.size() + 4) return false;
   out.count = static_cast<int>(count);
-  for (; count % kLane != 0; ++count) {
-    out.u[count] = out.u[0];
-    out.v[count] = out.v[0];
-    out.light[count] = out.full[count] = out.weight[count] = 0;
-  }
-  out.padded = static_cast<int>(count);
+  pad(out);
   return true;
 }
 
@@ -111,6 +123,29 @@ float exp_of(float x) {
       1 +
       h * (1 + h * (0.5f + h * (0.16666667f + h * (0.04166667f + h * 0.00833333f))));
   return root * root * std::bit_cast<float>((whole + 127) << 23);
+}
+
+/// Takes the light of those beside off every pixel.
+void take_off(std::span<const LightBeside> beside, const PointSpread& spread,
+              const Vector2& blur, Pixels& pixels) {
+  const double s2 = spread.variance_px2;
+  const double a = s2 + blur.x() * blur.x() / 12, c = s2 + blur.y() * blur.y() / 12;
+  const double b = blur.x() * blur.y() / 12;
+  const double det = a * c - b * b;
+  const auto i_uu = static_cast<float>(c / det), i_vv = static_cast<float>(a / det);
+  const auto i_uv = static_cast<float>(-b / det);
+  const auto skirt = static_cast<float>(spread.skirt);
+  for (const LightBeside& other : beside) {
+    const auto u = static_cast<float>(other.uv.x()),
+               v = static_cast<float>(other.uv.y());
+    const auto peak = static_cast<float>(other.height);
+    for (int i = 0; i < pixels.padded; ++i) {
+      const auto at = static_cast<std::size_t>(i);
+      const float du = pixels.u[at] - u, dv = pixels.v[at] - v;
+      const float x = -0.5f * (i_uu * du * du + 2 * i_uv * du * dv + i_vv * dv * dv);
+      pixels.light[at] -= peak * (exp_of(x) + skirt * exp_of(kSkirt * x));
+    }
+  }
 }
 
 /// Sum of products over whole lanes, in an order that the machine can keep to.
@@ -165,6 +200,7 @@ std::optional<SpotFit> fit(const Pixels& pixels, std::span<const Vector2> starts
     const auto i_uu = static_cast<float>(c / det), i_vv = static_cast<float>(a / det);
     const auto i_uv = static_cast<float>(-b / det);
     const auto grow = static_cast<float>(s2 / 2);
+    const auto skirt = static_cast<float>(spread.skirt);
     float* const by_width = J[kWidth];
     for (int i = 0; i < padded; ++i) {
       r[i] = pixels.light[static_cast<std::size_t>(i)] - back;
@@ -182,13 +218,14 @@ std::optional<SpotFit> fit(const Pixels& pixels, std::span<const Vector2> starts
         const float du = pixels.u[static_cast<std::size_t>(i)] - u;
         const float dv = pixels.v[static_cast<std::size_t>(i)] - v;
         const float e_u = i_uu * du + i_uv * dv, e_v = i_uv * du + i_vv * dv;
-        const float shape = exp_of(-0.5f * (du * e_u + dv * e_v));
-        const float light = peak * shape;
-        r[i] -= light;
-        J_u[i] = light * e_u;
-        J_v[i] = light * e_v;
-        J_h[i] = shape;
-        by_width[i] += light * grow * (e_u * e_u + e_v * e_v);
+        const float x = -0.5f * (du * e_u + dv * e_v);
+        const float core = exp_of(x), wide = skirt * exp_of(kSkirt * x);
+        const float slope = peak * (core + kSkirt * wide);
+        r[i] -= peak * (core + wide);
+        J_u[i] = slope * e_u;
+        J_v[i] = slope * e_v;
+        J_h[i] = core + wide;
+        by_width[i] += slope * grow * (e_u * e_u + e_v * e_v);
       }
     }
     for (int i = 0; i < padded; ++i) {
@@ -287,13 +324,15 @@ std::optional<SpotFit> fit_spots(const ImageView& image,
                                  std::span<const Vector2> starts,
                                  std::span<const double> heights,
                                  const PointSpread& spread, const Vector2& blur_px,
-                                 std::span<const ForeignLight> foreign) {
+                                 std::span<const ForeignLight> foreign,
+                                 std::span<const LightBeside> beside) {
   if (starts.empty() || starts.size() > kMaxGroup) return std::nullopt;
   Pixels pixels;
   if (!gather(image, starts, spot_reach_px(spread, blur_px), foreign, pixels)) {
     return std::nullopt;
   }
   if (full_share(pixels) > kFullMost) return std::nullopt;
+  take_off(beside, spread, blur_px, pixels);
   switch (starts.size()) {
     case 1:
       return fit<1>(pixels, starts, heights, spread, blur_px);
@@ -304,6 +343,66 @@ std::optional<SpotFit> fit_spots(const ImageView& image,
     default:
       return fit<4>(pixels, starts, heights, spread, blur_px);
   }
+}
+
+std::optional<SkirtLook> look_at_skirt(const ImageView& image, const Vector2& middle,
+                                       std::span<const LightBeside> lights,
+                                       const PointSpread& spread) {
+  if (!(middle.minCoeff() > kSkirtBox && middle.x() < image.width - kSkirtBox - 1 &&
+        middle.y() < image.height - kSkirtBox - 1)) {
+    return std::nullopt;
+  }
+  static_assert((2 * kSkirtBox + 1) * (2 * kSkirtBox + 1) <= kPixelsMax);
+  const int u0 = static_cast<int>(std::lround(middle.x())) - kSkirtBox;
+  const int v0 = static_cast<int>(std::lround(middle.y())) - kSkirtBox;
+  Pixels pixels;
+  std::size_t count = 0;
+  for (int v = v0; v <= v0 + 2 * kSkirtBox; ++v) {
+    for (int u = u0; u <= u0 + 2 * kSkirtBox; ++u) take(image, u, v, count++, pixels);
+  }
+  pixels.count = static_cast<int>(count);
+  pad(pixels);
+  const int padded = pixels.padded;
+  alignas(16) float core[kPixelsMax], wide[kPixelsMax], one[kPixelsMax];
+  for (int i = 0; i < padded; ++i) {
+    const auto at = static_cast<std::size_t>(i);
+    core[i] = wide[i] = 0;
+    one[i] = 1;
+    pixels.weight[at] *= 1 - pixels.full[at];
+  }
+  const auto per_variance = static_cast<float>(1 / spread.variance_px2);
+  for (const LightBeside& light : lights) {
+    const auto u = static_cast<float>(light.uv.x()),
+               v = static_cast<float>(light.uv.y());
+    const auto height = static_cast<float>(light.height);
+    for (int i = 0; i < padded; ++i) {
+      const auto at = static_cast<std::size_t>(i);
+      const float du = pixels.u[at] - u, dv = pixels.v[at] - v;
+      const float d2 = per_variance * (du * du + dv * dv);
+      core[i] += height * exp_of(-0.5f * d2);
+      wide[i] += height * exp_of(-0.5f * kSkirt * d2);
+      pixels.weight[at] *= d2 < kSkirtFrom * kSkirtFrom ? 0.f : 1.f;
+    }
+  }
+  // Least squares over an even background and the skirt.
+  alignas(16) float rest[kPixelsMax], weighted[kPixelsMax];
+  for (int i = 0; i < padded; ++i) {
+    const auto at = static_cast<std::size_t>(i);
+    const float doubt = kCoreDoubt * core[i];
+    pixels.weight[at] /= 1 + pixels.weight[at] * doubt * doubt;
+    rest[i] = pixels.light[at] - core[i];
+    weighted[i] = pixels.weight[at] * wide[i];
+  }
+  const float* const weight = pixels.weight.data();
+  const auto w_1 = static_cast<double>(dot(weight, one, padded));
+  const auto w_f = static_cast<double>(dot(weighted, one, padded));
+  const auto w_ff = static_cast<double>(dot(weighted, wide, padded));
+  const auto w_y = static_cast<double>(dot(weight, rest, padded));
+  const auto w_fy = static_cast<double>(dot(weighted, rest, padded));
+  if (!(w_1 > 0)) return std::nullopt;
+  const double information = w_ff - w_f * w_f / w_1;
+  if (!(information > kSkirtInformationLeast)) return std::nullopt;
+  return SkirtLook{(w_fy - w_f * w_y / w_1) / information, information};
 }
 
 }  // namespace alight

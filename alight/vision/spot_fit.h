@@ -10,10 +10,14 @@
 
 namespace alight {
 
-/// How the camera draws a point of light: a Gaussian.
+/// How the camera draws a point of light: a Gaussian on a wider, faint one, its skirt.
 struct PointSpread {
   double variance_px2 = 1;  ///< Per axis: lens, pixel, and the LED's own size.
   double share_sd = 0.4;    ///< How well it is known, as a share of itself.
+  double skirt = 0;         ///< Height of the skirt over that of the Gaussian.
+
+  /// Variance of the skirt over the Gaussian's.
+  static constexpr double kSkirtVariance = 6;
 };
 
 /// How far a light's pixels reach that fit_spots looks at.
@@ -35,6 +39,12 @@ struct ForeignLight {
   }
 };
 
+/// A light beside those looked for, at a place that is known: its light is taken off.
+struct LightBeside {
+  Vector2 uv = Vector2::Zero();  ///< px
+  double height = 0;             ///< As SpotFit::height.
+};
+
 /// The lights of one patch of a picture, told apart.
 struct SpotFit {
   int count = 0;
@@ -49,7 +59,7 @@ struct SpotFit {
 };
 
 /// Finds where `starts.size()` lights stand whose images overlap, from the pixels
-/// themselves: the sum of one Gaussian each over an even background, least squares
+/// themselves: the sum of one light each over an even background, least squares
 /// (Gauss-Newton) over places, heights, background and width together. Pixels at the
 /// sensor's upper end say only that the light is at least that.
 ///
@@ -63,10 +73,25 @@ struct SpotFit {
 ///          expected: too far off, or of another shape; nor when they are full as far
 ///          as they were thought to reach, for then any place fits.
 /// @param heights  As SpotFit::height where they are expected; 0 or none: unknown.
+/// @param beside   Others like them whose light reaches here.
 std::optional<SpotFit> fit_spots(const ImageView& image,
                                  std::span<const Vector2> starts,
                                  std::span<const double> heights,
                                  const PointSpread& spread, const Vector2& blur_px,
-                                 std::span<const ForeignLight> foreign);
+                                 std::span<const ForeignLight> foreign,
+                                 std::span<const LightBeside> beside = {});
+
+/// What the Gaussians of lights leave around one of them.
+struct SkirtLook {
+  double skirt = 0;        ///< As PointSpread::skirt,
+  double information = 0;  ///< and the information on it, for noise of chi2 1.
+};
+
+/// Compares the pixels some way off `middle` with the skirts that `lights` would have.
+/// @pre no other light is near.
+std::optional<SkirtLook> look_at_skirt(const ImageView& image, const Vector2& middle,
+                                       std::span<const LightBeside> lights,
+                                       const PointSpread& spread);
+constexpr int kSkirtBox = 7;  ///< px around the middle that are looked at.
 
 }  // namespace alight

@@ -19,13 +19,19 @@ struct Scene {
   BlobDetector detector = *BlobDetector::create({}, 848, 480);
   FixedVector<Vector2, kMaxLeds> still;
 
-  explicit Scene(Rng& rng, double range_min, double range_max, std::uint16_t dark = 0) {
+  explicit Scene(Rng& rng, double range_min, double range_max, std::uint16_t dark = 0,
+                 double skirt = 0) {
     X_NB = test::random_pose(rig, rng, range_min, range_max);
     for (int i = 0; i < rig.leds.size(); ++i) {
       still.push_back(Vector2::Zero());
       if ((dark >> i) & 1) continue;
-      picture.add(*project_led(rig.camera, X_NB, rig.leds.p_BL(i)), rig.leds.color(i),
-                  rng.uniform(90, 220), 0.9);
+      const Vector2 uv = *project_led(rig.camera, X_NB, rig.leds.p_BL(i));
+      const double peak = rng.uniform(90, 220);
+      picture.add(uv, rig.leds.color(i), peak, 0.9);
+      if (skirt > 0) {
+        picture.add(uv, rig.leds.color(i), skirt * peak,
+                    0.9 * std::sqrt(PointSpread::kSkirtVariance));
+      }
     }
     picture.expose(rng);
   }
@@ -175,6 +181,28 @@ TEST(LedResolver, LearnsThePointSpread) {
   }
   EXPECT_NEAR(resolver.spread().variance_px2, 0.81, 0.08);
   EXPECT_LT(resolver.spread().share_sd, 0.1);
+}
+
+TEST(LedResolver, LearnsTheSkirtAndPlacesCloseLedsByIt) {
+  Rng rng(11);
+  constexpr double kSkirt = 0.06;
+  LedResolver resolver = Scene(rng, 1, 2).resolver();
+  double square = 0;
+  int count = 0;
+  for (int run = 0; run < 160; ++run) {
+    Scene scene(rng, 2, 3, 0, kSkirt);
+    const auto seen = resolver.follow(scene.picture.view(), scene.blobs(), scene.X_NB,
+                                      2.5, {scene.still.data(), scene.still.size()}, 0);
+    if (!seen || run < 60) continue;
+    for (const LedObservation& o : seen->seen) {
+      if (!(o.cov.trace() < 2 * 0.1 * 0.1)) continue;
+      square += scene.error_px(o) * scene.error_px(o) / 2;
+      ++count;
+    }
+  }
+  EXPECT_NEAR(resolver.spread().skirt, kSkirt, 0.01);
+  EXPECT_GT(count, 300);
+  EXPECT_LT(std::sqrt(square / count), 0.03);
 }
 
 TEST(LedResolver, NamesTheBoundThatDoesNotHold) {

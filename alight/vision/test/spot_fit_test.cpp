@@ -153,6 +153,68 @@ TEST(SpotFit, FindsTheWidthOfThePointSpread) {
   EXPECT_LT(mean, 1.4);
 }
 
+/// A light as lenses draw it: most within a Gaussian, the rest in a wide skirt.
+void add_with_skirt(Picture& picture, const Vector2& uv, double height, double skirt) {
+  picture.add(uv, LedColor::white, height, kSd);
+  picture.add(uv, LedColor::white, skirt * height,
+              kSd * std::sqrt(PointSpread::kSkirtVariance));
+}
+
+TEST(SpotFit, ALightBesideDoesNotPull) {
+  Rng rng(6);
+  PointSpread with_skirt = kSpread;
+  with_skirt.skirt = 0.06;
+  constexpr int kRuns = 100;
+  for (const double apart : {3.5, 4.5, 6.0}) {
+    double known = 0, unknown = 0;
+    for (int run = 0; run < kRuns; ++run) {
+      Picture picture(3, 100, 80);
+      const Vector2 uv(50 + rng.uniform(), 40 + rng.uniform());
+      const Vector2 towards(std::cos(run), std::sin(run));
+      const LightBeside other{uv + apart * towards, rng.uniform(120, 200)};
+      add_with_skirt(picture, uv, 180, with_skirt.skirt);
+      add_with_skirt(picture, other.uv, other.height, with_skirt.skirt);
+      const ImageView image = picture.expose(rng);
+      const std::vector<Vector2> starts = {uv};
+      const auto apart_from_it =
+          fit_spots(image, starts, {}, with_skirt, Vector2::Zero(), {}, {&other, 1});
+      const auto alone = fit_spots(image, starts, {}, kSpread, Vector2::Zero(), {});
+      ASSERT_TRUE(apart_from_it);
+      known += towards.dot(apart_from_it->uv[0] - uv) / kRuns;
+      if (alone) unknown += towards.dot(alone->uv[0] - uv) / kRuns;
+    }
+    EXPECT_LT(std::abs(known), 0.005) << apart;
+    if (apart < 5) {
+      EXPECT_GT(unknown, 0.03) << apart;
+    }
+  }
+}
+
+TEST(SpotFit, FindsTheSkirt) {
+  Rng rng(8);
+  for (const double skirt : {0.0, 0.03, 0.08}) {
+    double mean = 0, weight = 0;
+    for (int run = 0; run < 30; ++run) {
+      Picture picture(3, 100, 80);
+      const LightBeside lights[] = {{{50 + rng.uniform(), 40 + rng.uniform()}, 180},
+                                    {{54 + rng.uniform(), 42 + rng.uniform()}, 130}};
+      for (const LightBeside& light : lights) {
+        add_with_skirt(picture, light.uv, light.height, skirt);
+      }
+      const ImageView image = picture.expose(rng);
+      const auto found = look_at_skirt(image, lights[0].uv, lights, kSpread);
+      ASSERT_TRUE(found);
+      mean += found->information * found->skirt;
+      weight += found->information;
+    }
+    EXPECT_NEAR(mean / weight, skirt, 0.005);
+  }
+  Picture picture(3, 100, 80);
+  const LightBeside at_the_edge{{3, 40}, 100};
+  const ImageView image = picture.expose(rng);
+  EXPECT_FALSE(look_at_skirt(image, at_the_edge.uv, {&at_the_edge, 1}, kSpread));
+}
+
 TEST(SpotFit, RefusesWhatIsNotThere) {
   Rng rng(5);
   Picture picture(3, 100, 80);
