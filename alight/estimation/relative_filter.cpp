@@ -23,7 +23,10 @@ constexpr Seconds kTurnMemory = 1;     // drones do not go on turning
 // A drone that does not move as the model says (in a hand, on a cable) makes the
 // process noise grow at once with what pictures find improbable; one that moves more
 // evenly makes it shrink, picture by picture.
-constexpr double kRestlessLeast = 0.01, kRestlessMost = 100;
+constexpr double kRestlessLeast = 0.003, kRestlessMost = 100;
+// Drag follows the speed, however evenly a drone moves: the disturbances' noise shrinks
+// less.
+constexpr double kDragLeast = 0.03;
 constexpr double kImprobable = 2;      // mean NIS, 1 by the model
 constexpr double kRestlessGain = 0.1;  // share of what it is off that counts at once
 // Six LEDs show six directions of their errors. What is learnt from these varies; the
@@ -218,6 +221,10 @@ Result<void> RelativeFilter::predict_to(Time t, const PredictionInput& given) {
   if (!config_.estimate_disturbance) {
     noise.disturbance = noise.updraught = noise.bias = noise.thrust = 0;
   }
+  const double drag = std::sqrt(std::max(1.0, kDragLeast / restless_));
+  noise.disturbance *= drag;
+  noise.updraught *= drag;
+  noise.bias *= drag;
   const Transition transition(F);
   Matrix15 P = transition.carry(P_) +
                restless_ * process_covariance(noise, dt, state_.x.R_NB.col(2));
@@ -413,7 +420,8 @@ RelativeFilter::Verdict RelativeFilter::judge(const LedObservation* seen,
         {.leds = seen[k].leds,
          .uv = seen[k].uv,
          .residual_px = r,
-         .variance_px2 = group != nullptr ? 0 : noise.trace() / scale,
+         .variance_px2 = noise.template block<2, 2>(2 * k, 2 * k).trace() / scale,
+         .alone = group == nullptr,
          .nis = K == 1 ? nis : r.dot(Eigen::LLT<Matrix2>(S_k).solve(r))});
   }
   return Verdict::probable;
@@ -497,7 +505,7 @@ void RelativeFilter::watch_residuals() {
   const Pose X_NB = state_.x.X_NB();
   const Matrix6 P = P_.topLeftCorner<6, 6>();
   for (const ObservationReport& o : report_.seen) {
-    if (!std::has_single_bit(o.leds) || o.variance_px2 <= 0) continue;
+    if (!std::has_single_bit(o.leds)) continue;
     Matrix26 H;
     if (!project_observation(camera_, X_NB, leds_, o.leds, &H)) continue;
     const double taken = (H * P).cwiseProduct(H).sum();

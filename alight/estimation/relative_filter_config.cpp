@@ -106,7 +106,7 @@ RelativeFilterConfig RelativeFilterConfig::camera_only() {
              .turn = 2};
   c.updraught_sd = c.disturbance_sd;
   c.lift_sd = c.bias_sd;
-  c.pixel_sd_px = 0.02;
+  c.pixel_sd_px = 0.005;
   // The pose against the camera: where that stands, its pictures do not tell.
   c = c.with_perfect_rig();
   c.learn_from_residuals = true;

@@ -9,8 +9,8 @@ struct ObservationReport {
   std::uint16_t leds = 0;
   Vector2 uv = Vector2::Zero();
   Vector2 residual_px = Vector2::Zero();  ///< Measured less predicted after the update.
-  double variance_px2 =
-      0;           ///< Of both coordinates together, as claimed; 0: of a group.
+  double variance_px2 = 0;                ///< Of both coordinates together, as claimed.
+  bool alone = true;                      ///< Not one of lights that run together.
   double nis = 0;  ///< Of the innovation, 2 degrees of freedom; before the update.
 };
 

@@ -414,7 +414,7 @@ void RelativeEstimator::begin_anew() {
 void RelativeEstimator::learn_leds(const LedFrame& leds, const UpdateReport& report) {
   FixedVector<LedLearner::Image, kMaxLeds> images;
   for (const ObservationReport& used : report.seen) {
-    if (!std::has_single_bit(used.leds) || used.variance_px2 <= 0) continue;
+    if (!std::has_single_bit(used.leds) || !used.alone) continue;
     for (const LedObservation& o : leds.seen) {
       if (o.leds != used.leds) continue;
       const double variance = filter_.image_noise() * o.cov.trace() / 2;

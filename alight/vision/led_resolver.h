@@ -10,7 +10,7 @@ struct LedResolverConfig {
   double touch = 1.6;          ///< Images nearer than this many reaches of a light
                                ///< (spot_reach_px) are fitted together.
   double dim_reach_px = 1.2;   ///< An LED without a blob is at most this far off.
-  double sd_floor_px = 0.02;   ///< No light's place is known better.
+  double sd_floor_px = 0.008;  ///< No light's place is known better.
   double spread_sd_px = 0.9;   ///< Point spread of a camera not seen yet,
   double spread_share = 0.35;  ///< known to this share of its variance.
   double spread_memory = 100;  ///< Patches over which it is learnt.

@@ -365,8 +365,8 @@ TEST(RelativeFilter, FollowsWhatMovesAsNoDroneDoes) {
 }
 
 /// Of a drone that hovers, over the last two of four seconds: mean NEES of the pose,
-/// and the stated sd of its position.
-std::pair<double, double> hovering(double noise_px, Rng rng) {
+/// and the stated sd of its position. LEDs that run `together` do so in threes.
+std::pair<double, double> hovering(double noise_px, Rng rng, bool together = false) {
   const Rig rig = alan_rig();
   RelativeFilterConfig config = RelativeFilterConfig::camera_only();
   RelativeFilter filter = RelativeFilter::create(config, rig.camera, rig.leds).value();
@@ -380,6 +380,9 @@ std::pair<double, double> hovering(double noise_px, Rng rng) {
     // Claimed as 0.1 px, whatever it is.
     LedFrame frame = picture(rig.camera, rig.leds, x.X_NB(), t, noise_px, rng);
     for (LedObservation& o : frame.seen) o.cov = 0.01 * Matrix2::Identity();
+    for (int first = 0; together && first < 6; first += 3) {
+      frame.groups.push_back({first, 3, 100 * GroupMatrix::Identity(6, 6)});
+    }
     EXPECT_TRUE(filter.update(frame).has_value()) << k;
     if (k <= 120) continue;
     const Eigen::Matrix<double, 6, 1> e =
@@ -407,6 +410,20 @@ TEST(RelativeFilter, LearnsHowExactPicturesAndHowEvenMotionIs) {
     EXPECT_GT(nees, 2);
     EXPECT_LT(nees, 9);
   }
+}
+
+TEST(RelativeFilter, LightsThatRunTogetherTellOfTheirNoiseToo) {
+  double apart = 0, together = 0, nees = 0;
+  constexpr int kRuns = 20;
+  for (unsigned seed = 1; seed <= kRuns; ++seed) {
+    apart += hovering(0.03, Rng(seed)).second / kRuns;
+    const auto [nees_one, sd_one] = hovering(0.03, Rng(seed), true);
+    nees += nees_one / kRuns;
+    together += sd_one / kRuns;
+  }
+  EXPECT_NEAR(together, apart, 0.1 * apart);
+  EXPECT_GT(nees, 3);
+  EXPECT_LT(nees, 9);
 }
 
 TEST(RelativeFilter, WhatMovesAfterLongRestIsFollowed) {
