@@ -21,9 +21,9 @@ constexpr double kStopped = 0.15;
 // How soon what is left of the speed is to be gone, s: longer than the drone's lag.
 constexpr Seconds kStopIn = 0.4;
 // Share of the nominal hover thrust with which a drone that is a tenth lighter than the
-// rig says still comes down, and one that is as much heavier does not fall; and how
-// long it takes from 3 cm and 0.3 m/s upwards, s.
-constexpr double kComingDown = 0.75;
+// rig says comes down before the wind has it off the pad, and one that is as much
+// heavier not too hard; and how long it takes from 3 cm and 0.3 m/s upwards, s.
+constexpr double kComingDown = 0.6;
 constexpr Seconds kComingDownFor = 0.45;
 // Likewise: with no more than this it has not left the ground yet.
 constexpr double kStillStands = 0.85;
@@ -726,11 +726,12 @@ double Mission::ramp_rate(const MissionInput& in) const {
 }
 
 // Light on its feet it may still stand when it is seen to slide: what the ground
-// carries is no wind from below. (To limit its tilt has it slide off in a wind.)
+// carries is no wind from below. (To limit its tilt has it slide off in a wind.) What
+// is on its way to it counts: waiting to see it rise throws it up.
 void Mission::leave_ground(const MissionInput& in, Command& c) const {
   const Seconds since = to_seconds(in.now - lifted_at_);
   if (config_.start_on_floor || since > kLeavesIn) return;
-  if (in.x_seen.p_NB.z() - p_rest_.z() > kLeft) return;
+  if (in.z_acted - p_rest_.z() > kLeft) return;
   c.thrust_least = std::min(share_lifted_ + ramp_rate(in) * since, config_.ramp_to);
 }
 

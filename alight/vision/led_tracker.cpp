@@ -41,6 +41,27 @@ Matrix2 middle_covariance(const Camera& camera, const Constellation& leds,
   return S.allFinite() ? S : Matrix2(Matrix2::Zero());
 }
 
+using Near = FixedVector<int, 64>;
+
+/// Blobs that may be LEDs at all, in their own order. In a picture full of noise the
+/// strongest.
+Near strongest_near(BlobSpan blobs, const Vector2& middle, double reach_px) {
+  Near near;
+  const auto light = [&](int j) { return blobs[static_cast<std::size_t>(j)].brightness; };
+  for (std::size_t j = 0; j < blobs.size(); ++j) {
+    if (blobs[j].cut || (blobs[j].uv - middle).norm() > reach_px) continue;
+    if (near.push_back(static_cast<int>(j))) continue;
+    const auto faintest =
+        std::min_element(near.begin(), near.end(),
+                         [&](int a, int b) { return light(a) < light(b); }) -
+        near.begin();
+    if (light(near[static_cast<std::size_t>(faintest)]) >= blobs[j].brightness) continue;
+    near.erase(static_cast<std::size_t>(faintest));
+    near.push_back(static_cast<int>(j));
+  }
+  return near;
+}
+
 double largest_sd(const Matrix2& S) {
   const double half = S.trace() / 2;
   const double gap = std::sqrt(std::max(half * half - S.determinant(), 0.0));
@@ -158,18 +179,12 @@ LedFrame LedTracker::track(BlobSpan blobs, const Pose& X_NB_predicted,
   const double scale_sd = std::max(config_.scale_sd, 1e-6);
   const double slack =
       config_.gate_sd * (largest_sd(S) + (scale_sd + turn_sd) * images.size_px);
-  FixedVector<int, 64> near;  // Blobs that may be LEDs at all, in their own order.
-  for (std::size_t j = 0; j < blobs.size(); ++j) {
-    if (blobs[j].cut || (blobs[j].uv - images.middle).norm() >
-                            images.size_px + slack + config_.match_px) {
-      continue;
-    }
-    near.push_back(static_cast<int>(j));
-  }
+  Near near = strongest_near(blobs, images.middle,
+                             images.size_px + slack + config_.match_px);
   // Where LEDs show their colours, what is white or far larger is a lamp, alone or run
   // together with an LED.
   if (config_.use_color) {
-    FixedVector<double, 64> areas;
+    FixedVector<double, Near::capacity()> areas;
     for (const int j : near) {
       const Blob& blob = blobs[static_cast<std::size_t>(j)];
       const auto is_its = [&](const Led& led) { return led.color == blob.color; };
@@ -181,7 +196,7 @@ LedFrame LedTracker::track(BlobSpan blobs, const Pose& X_NB_predicted,
     if (areas.size() >= kEnoughColored) {
       white_is_any = false;
       area_max = kLargest * median(areas.begin(), areas.end());
-      FixedVector<int, 64> kept;
+      Near kept;
       for (const int j : near) {
         if (blobs[static_cast<std::size_t>(j)].area_px <= area_max) kept.push_back(j);
       }
