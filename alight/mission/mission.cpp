@@ -53,7 +53,7 @@ constexpr Seconds kStillKnown = 1;
 // What a tenth of thrust that is not known does to a prediction: 0.5 m in the second
 // after the LEDs were lost. It is learnt in this time of flight in sight, s; a search
 // is as short before that.
-constexpr Seconds kLearntIn = 1;
+constexpr Seconds kLearntIn = 0.4;
 constexpr Seconds kShortSearch = 0.9;
 // How long a refused drone that is armed all the same is told to disarm, s.
 constexpr Seconds kDisarmFor = 1;

@@ -17,6 +17,10 @@ constexpr double kFreshCare = 2;
 constexpr double kRivalRms = 3;
 // So many LEDs leave more of their images' errors than the pose takes up by chance.
 constexpr std::size_t kTellingLeds = 5;
+// With no more than these there is little misfit, wherever the LEDs are,
+constexpr int kFewLeds = 3;
+// and with a misfit of more than this, px, they tell another pose than more do.
+constexpr double kJumpPx = 1;
 // So many lights in the colours of their LEDs are no lamps.
 constexpr int kColored = 3;
 // Pictures in a row with LEDs missing after which the whole picture is searched for a
@@ -353,6 +357,10 @@ bool RelativeEstimator::well_known(double care) const {
 bool RelativeEstimator::accept(const LedFrame& leds, std::size_t agreeing,
                                double rms_max_px, FrameReport& out, Probe* probe) {
   const ProbeScope scope(probe, Stage::filter);
+  if (would_jump(leds)) {
+    out.why_not = "too few LEDs are left for a rig that is this far off";
+    return false;
+  }
   std::optional<RelativeFilter> before;
   if (rms_max_px < kAnyFit) before = filter_;
   auto report = filter_.update(leds, agreeing);
@@ -390,6 +398,7 @@ bool RelativeEstimator::accept(const LedFrame& leds, std::size_t agreeing,
                 ((report->used >= 3 && !fresh_) ||
                  (config_.tell_apart && well_known(fresh_ ? kFreshCare : 1)));
   if (!out.tracked) out.why_not = "too few LEDs fit";
+  if (out.tracked) remember_fit(leds.led_count(), out.reprojection_px);
   if (out.tracked && static_cast<std::size_t>(report->used) >= kTellingLeds) {
     const double misfit = report->reprojection_px * lens_distance();
     usual_misfit_ +=
@@ -398,6 +407,20 @@ bool RelativeEstimator::accept(const LedFrame& leds, std::size_t agreeing,
   }
   if (out.tracked && config_.learn_leds && !expecting_) learn_leds(leds, *report);
   return out.tracked;
+}
+
+void RelativeEstimator::remember_fit(int leds, double rms_px) {
+  fitted_leds_ = leds;
+  if (leds > kFewLeds) fitted_misfit_ = rms_px * lens_distance();
+}
+
+// What the pose owes to LEDs that are not where the rig says changes as they leave the
+// picture one by one: a jump that the filter would take for speed.
+bool RelativeEstimator::would_jump(const LedFrame& leds) const {
+  const int count = leds.led_count();
+  return config_.tell_apart && !expecting_ && count < fitted_leds_ &&
+         count < static_cast<int>(kTellingLeds) &&
+         fitted_misfit_ > kJumpPx * lens_distance();
 }
 
 void RelativeEstimator::begin_anew() {
@@ -409,6 +432,7 @@ void RelativeEstimator::begin_anew() {
   leds_moved_ = true;
   learning_ = false;
   usual_misfit_ = 0;
+  remember_fit(0, 0);
 }
 
 void RelativeEstimator::learn_leds(const LedFrame& leds, const UpdateReport& report) {
@@ -628,6 +652,7 @@ void RelativeEstimator::go_on_from(const FoundLeds& found, Time t, FrameReport& 
     usual_misfit_ =
         std::max({usual_misfit_, misfit_least_, found.fit.rms_px * lens_distance()});
   }
+  remember_fit(found.frame.led_count(), found.fit.rms_px);
   rivals_.clear();
   doubt_.clear();
   misses_ = 0;

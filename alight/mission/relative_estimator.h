@@ -187,6 +187,8 @@ class RelativeEstimator {
   /// What is never known well enough may be LEDs taken for others: all that they seemed
   /// to teach is forgotten, and they are searched for.
   void begin_anew();
+  void remember_fit(int leds, double rms_px);
+  bool would_jump(const LedFrame& leds) const;
   void learn_leds(const LedFrame& leds, const UpdateReport& report);
 
   RelativeEstimatorConfig config_;
@@ -210,6 +212,8 @@ class RelativeEstimator {
   // Of fits to five LEDs and more, rms times distance, px m: LEDs that are not where
   // the rig says misfit by more pixels the nearer they are. 0: not known.
   double usual_misfit_ = 0, misfit_least_ = 0;
+  double fitted_misfit_ = 0;  // the same of the last fit,
+  int fitted_leds_ = 0;       // which was to so many
   PictureRepeat repeat_;
   bool repeats_ = false, frozen_ = false;  // the last picture
   int unlike_ = 0;                         // in a row
