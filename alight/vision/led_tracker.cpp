@@ -47,7 +47,9 @@ using Near = FixedVector<int, 64>;
 /// strongest.
 Near strongest_near(BlobSpan blobs, const Vector2& middle, double reach_px) {
   Near near;
-  const auto light = [&](int j) { return blobs[static_cast<std::size_t>(j)].brightness; };
+  const auto light = [&](int j) {
+    return blobs[static_cast<std::size_t>(j)].brightness;
+  };
   for (std::size_t j = 0; j < blobs.size(); ++j) {
     if (blobs[j].cut || (blobs[j].uv - middle).norm() > reach_px) continue;
     if (near.push_back(static_cast<int>(j))) continue;
@@ -55,7 +57,8 @@ Near strongest_near(BlobSpan blobs, const Vector2& middle, double reach_px) {
         std::min_element(near.begin(), near.end(),
                          [&](int a, int b) { return light(a) < light(b); }) -
         near.begin();
-    if (light(near[static_cast<std::size_t>(faintest)]) >= blobs[j].brightness) continue;
+    if (light(near[static_cast<std::size_t>(faintest)]) >= blobs[j].brightness)
+      continue;
     near.erase(static_cast<std::size_t>(faintest));
     near.push_back(static_cast<int>(j));
   }
@@ -179,8 +182,8 @@ LedFrame LedTracker::track(BlobSpan blobs, const Pose& X_NB_predicted,
   const double scale_sd = std::max(config_.scale_sd, 1e-6);
   const double slack =
       config_.gate_sd * (largest_sd(S) + (scale_sd + turn_sd) * images.size_px);
-  Near near = strongest_near(blobs, images.middle,
-                             images.size_px + slack + config_.match_px);
+  Near near =
+      strongest_near(blobs, images.middle, images.size_px + slack + config_.match_px);
   // Where LEDs show their colours, what is white or far larger is a lamp, alone or run
   // together with an LED.
   if (config_.use_color) {

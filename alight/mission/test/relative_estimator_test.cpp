@@ -475,6 +475,40 @@ TEST(RelativeEstimator, AfterMissesTooFewLedsAreNotFused) {
   EXPECT_TRUE(c.report.tracked) << c.report.why_not;
 }
 
+// A drone that stands still by the lens, and leaves the picture LED by LED.
+TEST(RelativeEstimator, LedsOfARigThatIsOffLeaveThePictureWithoutTellingSpeed) {
+  double squares = 0;
+  int followed = 0, told = 0;
+  for (unsigned seed = 1; seed <= 40; ++seed) {
+    Watch w(RelativeEstimatorConfig{}, alan_rig());
+    Rng rng(seed);
+    for (Led& led : w.truth.leds.leds) {
+      led.p_BL += 0.0025 * Vector3(rng.normal(), rng.normal(), rng.normal());
+    }
+    const Pose X_NB =
+        make_pose(from_rpy(0, 0, rng.normal(0, 0.05)),
+                  w.rig.camera.X_NC * Vector3(0, -0.05, rng.uniform(0.3, 0.4)));
+    const auto look = [&](unsigned which) {
+      w.draw(X_NB, which);
+      w.again();
+      told += w.report.tracked;
+    };
+    for (int i = 0; i < 60; ++i) {
+      w.draw(X_NB);
+      w.again();
+    }
+    if (!w.report.tracked) continue;
+    ++followed;
+    for (const unsigned which : {0x3eu, 0x3cu, 0x38u, 0x30u, 0x20u}) {
+      for (int i = 0; i < 3; ++i) look(which);
+    }
+    squares += w.estimator.filter().state().v_NB.squaredNorm();
+  }
+  EXPECT_GE(followed, 20);
+  EXPECT_GE(told, 3 * followed / 2);               // five of six go on as before
+  EXPECT_LT(std::sqrt(squares / followed), 0.15);  // m/s
+}
+
 /// A drone at rest, and a rig that is not as it was written down.
 struct AtRest : Watch {
   explicit AtRest(unsigned seed, const RelativeEstimatorConfig& c = config())

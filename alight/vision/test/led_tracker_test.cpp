@@ -159,6 +159,34 @@ TEST(LedTracker, SaysWhyBlobsAreRefused) {
   EXPECT_EQ(frame.refused[1].reason, Refusal::wrong_color);
 }
 
+TEST(LedTracker, InAPictureFullOfNoiseTheLedsAreFollowedAllTheSame) {
+  const Rig rig = alan_rig();
+  const LedTracker tracker = make_tracker(rig);
+  int seen = 0, wrong = 0;
+  for (unsigned seed = 0; seed < 50; ++seed) {
+    Rng rng(seed);
+    const Pose X_NB = test::random_pose(rig, rng, 0.4, 1);
+    const LedImages images = led_images(rig.camera, rig.leds, X_NB);
+    // More specks than are looked at, and they come first.
+    std::vector<Blob> blobs;
+    for (int i = 0; i < 200; ++i) {
+      const Vector2 aside(rng.uniform(-60, 60), rng.uniform(-60, 60));
+      Blob speck = test::blob_at(images.middle + aside, LedColor::none, rng);
+      speck.brightness *= 0.02;
+      blobs.push_back(speck);
+    }
+    for (const Led& led : rig.leds.leds) {
+      blobs.push_back(
+          test::blob_at(*project_led(rig.camera, X_NB, led.p_BL), led.color, rng));
+    }
+    const LedFrame frame = tracker.track(blobs, X_NB, loose_covariance());
+    seen += frame.led_count();
+    wrong += test::wrong_observations(rig, X_NB, frame, 1.5);
+  }
+  EXPECT_GE(seen, 50 * 5);
+  EXPECT_LE(wrong, seen / 20);
+}
+
 TEST(LedTracker, PaperFollowsAShiftedConstellation) {
   const Rig rig = alan_rig();
   LedTrackerConfig config;
