@@ -11,7 +11,8 @@ constexpr double kHoverTau = 3;      // s, of the hover thrust estimate,
 constexpr double kHoverFirst =
     0.3;  // which learns as a mean does when it has just begun
 constexpr double kTouchThrust =
-    0.6;  // of hover: so little is needed only on the ground
+    0.6;                           // of hover: so little is needed only on the ground
+constexpr double kStandsOn = 0.8;  // of its weight
 constexpr double kTouchSpeed = 0.15;  // m/s
 constexpr double kTouchTime = 0.3;    // s
 constexpr double kThrustMin = 0.04;   // share, in flight
@@ -106,7 +107,9 @@ void Autopilot::choose_mode(Time now) {
     land_v_ = belief_.v_I().z();
     land_a_ = 0;
     height_off_ = 0;
-    on_ground_ = thrust_felt_ < kTouchThrust * hover_share_;
+    // Falling with as little thrust it would feel hardly any force.
+    on_ground_ = thrust_felt_ < kTouchThrust * hover_share_ &&
+                 sensed_.f_F.z() > kStandsOn * kGravity;
   }
   integral_.setZero();
   mode_ = next;
@@ -217,6 +220,12 @@ RotorShares Autopilot::follow_velocity(const Vector3& v_I, const Vector3& a_I,
 }
 
 RotorShares Autopilot::land(double speed, bool disarms, Time now, Seconds dt) {
+  if (on_ground_) {
+    // Not flying: it corrects nothing.
+    still_for_ += dt;
+    if (disarms && still_for_ > config_.land_disarm_s) disarm();
+    return idle();
+  }
   const double left = -speed - land_v_;
   const double jerk = config_.land_jerk_m_s3;
   const double wanted = std::copysign(

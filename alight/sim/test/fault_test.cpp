@@ -213,6 +213,24 @@ TEST(LostLink, WithExternalPoseItLandsAndDisarms) {
   EXPECT_NEAR(calm.sink, 0.6, 0.1);
 }
 
+TEST(LostLink, BeforeTheTakeOffItStandsOnTheMovingPadAndDisarms) {
+  Scenario scenario = fly::calm(PlatformKind::circle);
+  scenario.start.platform_moving = true;
+  scenario.faults = {{.kind = FaultKind::radio_out, .at_s = 2, .for_s = 1000}};
+  const auto world = fly::make(scenario);
+  world->advance_to(from_seconds(1));
+  world->send(AutopilotOrder::arm, world->truth().t);
+  Setpoint level;  // no thrust
+  level.kind = Setpoint::Kind::attitude;
+  fly::run(*world, 2, [&](const TruthState&) { return level; });
+  ASSERT_TRUE(world->truth().motors_running);
+  ASSERT_GT(world->truth().v_IB.norm(), 0.2) << "the pad stands";
+  const Vector3 stood = world->truth().X_NB.translation();
+  world->advance_to(from_seconds(6));
+  EXPECT_FALSE(world->truth().motors_running);
+  EXPECT_LT((world->truth().X_NB.translation() - stood).norm(), 0.003);
+}
+
 TEST(LostLink, WithoutPoseItSinksAMetreAndAHalfInThreeSecondsAndNeverStops) {
   const Alone blind = left_alone(LinkLossAction::land, false);
   EXPECT_FALSE(blind.stopped);
