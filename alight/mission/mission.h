@@ -87,10 +87,11 @@ class Mission {
   /// What the platform is wished to do about a drone that its autopilot or its pilot
   /// flies.
   double platform_wish(const MissionInput& in);
-  /// The drone would come down on the platform, drove that on.
   double ramp_rate(const MissionInput& in) const;  // 1/s
   void leave_ground(const MissionInput& in, Command& c) const;
+  /// Aborted in sight and clear of the platform, which stays to see it to the floor.
   bool stays_beside(const MissionInput& in) const;
+  /// The drone would come down on the platform, drove that on.
   bool would_meet(const MissionInput& in) const;
   bool may_be_left(const MissionInput& in);
   /// It has been seen flying for long enough to know its weight and the wind.

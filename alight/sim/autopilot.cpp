@@ -8,11 +8,11 @@ namespace {
 
 constexpr double kGyroNoise = 0.01;  // rad/s
 constexpr double kHoverTau = 3;      // s, of the hover thrust estimate,
-constexpr double kHoverFirst =
-    0.3;  // which learns as a mean does when it has just begun
-constexpr double kTouchThrust =
-    0.6;                           // of hover: so little is needed only on the ground
-constexpr double kStandsOn = 0.8;  // of its weight
+constexpr double kHoverFirst = 0.3;  // which learns as a mean does when it is new
+// Of hover: so little is needed only on the ground,
+constexpr double kTouchThrust = 0.6;
+// which carries at least so much of the weight.
+constexpr double kStandsOn = 0.8;
 constexpr double kTouchSpeed = 0.15;  // m/s
 constexpr double kTouchTime = 0.3;    // s
 constexpr double kThrustMin = 0.04;   // share, in flight

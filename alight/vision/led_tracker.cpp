@@ -43,8 +43,8 @@ Matrix2 middle_covariance(const Camera& camera, const Constellation& leds,
 
 using Near = FixedVector<int, 64>;
 
-/// Blobs that may be LEDs at all, in their own order. In a picture full of noise the
-/// strongest.
+/// Blobs that may be LEDs at all, in their own order; the strongest of a picture full
+/// of noise in any.
 Near strongest_near(BlobSpan blobs, const Vector2& middle, double reach_px) {
   Near near;
   const auto light = [&](int j) {
