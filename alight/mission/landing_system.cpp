@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "alight/mission/drone_motion.h"
+#include "alight/mission/miss.h"
 #include "alight/mission/mission.h"
 #include "alight/platform/deck_motion.h"
 
@@ -428,8 +429,7 @@ void LandingSystem::step(const Input& input, Output& out, Probe* probe) {
   in.z_acted = state.x.p_NB.z() + acts * state.x.v_NB.z();
   in.seen = p.estimator.last_sight();
   if (in.estimate_valid) {
-    in.position_sd_m =
-        std::sqrt(out.trace.predicted_cov.diagonal().head<3>().maxCoeff());
+    in.miss_sd_m = miss_sd(out.trace.predicted_cov);
   }
   in.picture_repeats = p.estimator.picture_repeats();
   p.sight.frozen(in.picture_repeats);

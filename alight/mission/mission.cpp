@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstring>
 
+#include "alight/mission/miss.h"
 #include "alight/planning/replan.h"
 
 namespace alight {
@@ -60,8 +61,6 @@ constexpr Seconds kDisarmFor = 1;
 // Without a word from the drone after touch-down its motors are its own, s.
 constexpr Seconds kShutDownUnheard = 3;
 constexpr double kStandNoise = 0.001;  // m; a rise that standing drones show
-// Error of speed counts for as long as the rest of a landing takes from the commit on.
-constexpr Seconds kMissAhead = 0.25;
 constexpr Seconds kRampActsIn = 0.1;  // Later, the take-off's thrust grows more slowly.
 constexpr double kWaitsAt = 1.0 / 3;  // above the miss that slows it, as a share
 // m above gear height: enough to stop sinking in.
@@ -89,7 +88,7 @@ constexpr const char* kTooFast =
     "the platform is too fast for the drone's speed limit: no landing";
 constexpr const char* kUnhealthy = "the radio link is not healthy";
 constexpr const char* kNoOdometry = "no platform odometry comes";
-// So many sd of the position are the miss at which commit is refused: what is known
+// So many sd of the miss are the miss at which commit is refused: what is known
 // less well, and for longer, s, than it takes to be known again, is not landed by.
 constexpr double kVagueSds = 2.5;
 constexpr Seconds kVagueFor = 0.1;
@@ -186,7 +185,7 @@ void Mission::go(MissionState to, const char* reason, const MissionInput& in,
       break;
     case MissionState::lost_target:
       blindness_ = in.blindness;
-      move_to(config_.search_point, config_.move_speed_m_s, in);
+      move_to(config_.search_point, config_.search_speed_m_s, in);
       break;
     case MissionState::aborted:
       move_to(config_.safety.leave_at_m, config_.move_speed_m_s, in);
@@ -210,7 +209,8 @@ void Mission::move_to(const Vector3& p_NB, double speed, const MissionInput& in)
   // drone itself where it is not.
   MoveLimits limits;
   limits.speed_m_s = speed;
-  limits.acceleration_m_s2 = config_.move_acceleration_m_s2;
+  limits.acceleration_m_s2 =
+      config_.move_acceleration_m_s2 * speed / config_.move_speed_m_s;
   FlatState from = maneuver_.at(in.now);
   if ((from.p_NB - in.x.p_NB).norm() > config_.go_around_error_m) {
     from = FlatState{};
@@ -260,7 +260,7 @@ bool Mission::too_fast(const MissionInput& in) {
 }
 
 bool Mission::too_vague(const MissionInput& in) {
-  if (kVagueSds * in.position_sd_m <= config_.commit_error_m) {
+  if (kVagueSds * in.miss_sd_m <= config_.commit_error_m) {
     vague_ = false;
   } else if (!vague_) {
     vague_ = true;

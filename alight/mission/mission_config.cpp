@@ -28,6 +28,7 @@ Result<void> MissionConfig::validate() const {
           {"mission.take_off_height_m", take_off_height_m, 0, 20},
           {"mission.climb_speed_m_s", climb_speed_m_s, 0.05, 5},
           {"mission.move_speed_m_s", move_speed_m_s, 0.05, 10},
+          {"mission.search_speed_m_s", search_speed_m_s, 0.05, 10},
           {"mission.move_acceleration_m_s2", move_acceleration_m_s2, 0.1, 10},
           {"mission.plan_ahead_s", plan_ahead_s, 0.01, 1},
           {"mission.commit_height_m", commit_height_m, 0, 5},

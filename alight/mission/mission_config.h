@@ -54,10 +54,12 @@ struct MissionConfig {
   double quiet_more_s = 8;      ///< Or twice that after so long, thrice after twice it.
   double go_around_error_m = 0.35;
   double sight_lost_s = 0.25;  ///< Without a tracked frame: lost target.
-  // A lost target is searched for from above the follow point; then the drone stops
+  // A lost target is searched for from above the follow point, and soon: blown off at
+  // the take-off the drone is out of the picture by the lens. Then the drone stops
   // over the ground and the autopilot lands. Flown on the prediction in a wind of 2 m/s
   // it was up to 0.6 m away and 0.4 m low after 2 s, 1.4 m and 0.8 m after 3 s: the
   // floor is 0.8 m below.
+  double search_speed_m_s = 1.8;        ///< To where a lost target is searched for.
   double search_climb_m = 0.4;          ///< That far above it at most, in view.
   double give_up_s = 2.0;               ///< The search ends after this,
   double give_up_late_s = 6.0;          ///< or, of pictures that come late, after this.

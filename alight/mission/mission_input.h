@@ -31,7 +31,7 @@ struct MissionInput {
   Time seen = 0;                ///< When that was captured.
   Seconds acts_in = 0;          ///< From now to when an attitude sent now acts.
   double z_acted = 0;           ///< Height in N when thrust that is sent now acts, m.
-  double position_sd_m = 0;     ///< Of x, as far as it is known, along the worst axis.
+  double miss_sd_m = 0;         ///< As `miss_sd`, of x.
   Blindness blindness = Blindness::leds;  ///< Why nothing newer is seen.
   bool picture_repeats = false;           ///< It equals the one before to the last bit.
   bool computer_was_late = false;         ///< The brain was not run for a while.

@@ -40,7 +40,7 @@ class Flight {
   Blindness blindness = Blindness::leds;
   bool computer_was_late = false;
   bool picture_repeats = false;
-  double position_sd_m = 0.02;
+  double miss_sd_m = 0.02;
   double deck_swing = 0, deck_lean = 0;  ///< m/s^2; rad, at the touch
   AutopilotMode mode = AutopilotMode::offboard;
   Vector3 off = Vector3::Zero();           ///< From the reference, where it flies.
@@ -97,7 +97,7 @@ class Flight {
     in.blindness = blindness;
     in.computer_was_late = computer_was_late;
     in.picture_repeats = picture_repeats;
-    in.position_sd_m = position_sd_m;
+    in.miss_sd_m = miss_sd_m;
     in.platform.v_IN_N = Vector3(platform_speed, 0, 0);
     in.deck_swing = deck_swing;
     in.f_end_N = kGravity * Vector3(0, std::tan(deck_lean), 1);
@@ -529,6 +529,18 @@ TEST(Mission, ALostTargetThatReturnsGoesAround) {
   }
 }
 
+TEST(Mission, TheSearchGetsFromAboveThePadToWhereItSearchesInTime) {
+  Flight f;
+  ASSERT_TRUE(f.reach(State::land));
+  ASSERT_TRUE(f.until_below(0.25));
+  f.sight = false;
+  ASSERT_TRUE(f.until(State::lost_target, 1));
+  f.run(MissionConfig{}.give_up_s - 0.1);
+  ASSERT_EQ(f.state(), State::lost_target);
+  const Vector3 goal = places_for({}, f.rig()).search_point;
+  EXPECT_LT((f.x().p_NB - goal).norm(), 0.02);
+}
+
 TEST(Mission, ALostTargetThatStaysAwayIsLeftToTheAutopilot) {
   Flight f;
   ASSERT_TRUE(bring(f, State::lost_target));
@@ -845,13 +857,13 @@ TEST(Mission, WhatIsKnownTooVaguelyIsNotLandedBy) {
     Flight f;
     ASSERT_TRUE(f.reach(State::land));
     f.run(0.5);
-    f.position_sd_m = sd;
+    f.miss_sd_m = sd;
     f.run(0.3);
     EXPECT_EQ(f.state(), sd < 0.04 ? State::land : State::go_around) << sd;
     if (sd > 0.04) {
       EXPECT_EQ(f.reason(), "too few LEDs are seen to land by");
     }
-    f.position_sd_m = 0.02;
+    f.miss_sd_m = 0.02;
     EXPECT_TRUE(f.until(State::complete));
   }
 }
@@ -860,7 +872,7 @@ TEST(Mission, ACommittedLandingGoesOnHoweverVague) {
   Flight f;
   ASSERT_TRUE(f.reach(State::land));
   ASSERT_TRUE(f.until_below(0.11));
-  f.position_sd_m = 0.2;
+  f.miss_sd_m = 0.2;
   EXPECT_TRUE(f.until(State::complete));
   EXPECT_EQ(f.mission().status().attempts, 1);
 }
