@@ -140,8 +140,14 @@ void LedResolver::learn(const Patch& patch) {
   }
   // How large residuals are that this camera leaves: its noise, and what the model of
   // a light lacks.
-  noise_ += (std::clamp(fit.chi2_per_pixel, kNoiseLeast, kNoiseMost) - noise_) /
-            std::min(known_ + 1, config_.spread_memory);
+  judged_ = std::min(judged_ + 1, config_.spread_memory);
+  noise_ +=
+      (std::clamp(fit.chi2_per_pixel, kNoiseLeast, kNoiseMost) - noise_) / judged_;
+}
+
+void LedResolver::learn_spread(const Patch& patch) {
+  if (!patch.fit) return;
+  const SpotFit& fit = *patch.fit;
   if (!(fit.variance_information > 0)) return;
   const double own = 1 / fit.variance_information;  // variance of what it found
   const double share = config_.spread_share * spread_.variance_px2;
@@ -305,12 +311,15 @@ void LedResolver::fit(Look& look, Patch& patch) const {
 }
 
 void LedResolver::learn_skirt(const Look& look, const Patches& patches) {
-  // Around one LED a picture: what the Gaussians leave there.
-  const auto count = static_cast<std::size_t>(leds_.size());
   ++pictures_;
   if (skirt_looks_ >= kSkirtMemory && pictures_ % kSkirtEvery != 0) return;
-  next_ = (next_ + 1) % count;
-  const Vector2 middle = look.lights[next_].uv;
+  next_ = (next_ + 1) % static_cast<std::size_t>(leds_.size());
+  look_around(look, patches, next_);
+}
+
+void LedResolver::look_around(const Look& look, const Patches& patches,
+                              std::size_t led) {
+  const Vector2 middle = look.lights[led].uv;
   FixedVector<LightBeside, kMaxLeds> lights;
   bool seen = false;
   for (const Patch& patch : patches) {
@@ -320,12 +329,12 @@ void LedResolver::learn_skirt(const Look& look, const Patches& patches) {
         if ((look.images.uv[i] - middle).norm() < 2 * kSkirtBox) return;
         continue;
       }
-      seen = seen || i == next_;
+      seen = seen || i == led;
       const LightBeside light{patch.fit->uv[k], patch.fit->height[k]};
       if ((light.uv - middle).norm() < 3 * kSkirtBox) lights.push_back(light);
     }
   }
-  if (!seen || look.blur_px[next_].norm() > kSkirtBlur) return;
+  if (!seen || look.blur_px[led].norm() > kSkirtBlur) return;
   for (std::size_t j = 0; j < look.blobs.size(); ++j) {
     const Roi& box = look.blobs[j].box;
     const int reach = kSkirtBox + kLampReach;
@@ -391,6 +400,15 @@ void LedResolver::resolve(const ImageView& image, BlobSpan blobs,
   bool all = true;
   Look look = look_at(image, blobs, match, images, blur_px, 0);
   fit_all(look, patches, [](const Patch& patch) { return patch.area_px > 0; });
+  if (judged_ == 0) {
+    // What the first picture tells of the camera's lights, it tells of its own, too.
+    for (const Patch& patch : patches) learn_spread(patch);
+    for (std::size_t i = 0; i < static_cast<std::size_t>(leds_.size()); ++i) {
+      look_around(look, patches, i);
+    }
+    fit_all(look, patches, [](const Patch& patch) { return patch.area_px > 0; });
+    for (const Patch& patch : patches) learn(patch);
+  }
   for (Patch& patch : patches) {
     all = all && patch.fit && patch.fit->chi2_per_pixel < kGoodChi2;
   }
@@ -429,7 +447,10 @@ void LedResolver::resolve(const ImageView& image, BlobSpan blobs,
       out = collect();
     }
   }
-  for (const Patch& patch : patches) learn(patch);
+  for (const Patch& patch : patches) {
+    learn(patch);
+    learn_spread(patch);
+  }
   learn_skirt(look, patches);
   frame.seen = out.seen;
   frame.groups = out.groups;
@@ -527,7 +548,10 @@ std::optional<LedFrame> LedResolver::follow(const ImageView& image, BlobSpan blo
     out.refused.push_back({blobs[j].uv, Refusal::no_led_near});
   }
   lit_ = lit;
-  for (const Patch& patch : patches) learn(patch);
+  for (const Patch& patch : patches) {
+    learn(patch);
+    learn_spread(patch);
+  }
   learn_skirt(look, patches);
   return out;
 }

@@ -79,6 +79,7 @@ class LedResolver {
   Patches patches(const LedImages& images, BlobSpan blobs,
                   const Assignment& match) const;
   void learn(const Patch& patch);
+  void learn_spread(const Patch& patch);
   void add(const Patch& patch, BlobSpan blobs, const Assignment& match,
            LedFrame& out) const;
   Look look_at(const ImageView& image, BlobSpan blobs, const Assignment& match,
@@ -88,7 +89,9 @@ class LedResolver {
   template <class Wanted>
   void fit_all(Look& look, Patches& patches, Wanted&& wanted) const;
   void fit(Look& look, Patch& patch) const;
+  /// Around one LED a picture: what the Gaussians leave there.
   void learn_skirt(const Look& look, const Patches& patches);
+  void look_around(const Look& look, const Patches& patches, std::size_t led);
   bool is_its_own(const Blob& blob, int led, const Vector2& blur_px) const;
 
   LedResolverConfig config_;
@@ -97,8 +100,9 @@ class LedResolver {
   PointSpread spread_;
   std::array<double, kMaxLeds> heights_{};  // grey levels; 0: not known
   std::uint16_t lit_ = 0;                   // LEDs seen the last time
-  double noise_ = 1;                        // chi2 per pixel to be expected
-  double known_ = 0;  // patches learnt from, at most spread_memory
+  double noise_ = 1;                        // chi2 per pixel to be expected,
+  double judged_ = 0;  // from so many patches, at most spread_memory
+  double known_ = 0;   // patches learnt from, at most spread_memory
   double skirt_information_ = 0;
   int skirt_looks_ = 0, pictures_ = 0;
   std::size_t next_ = 0;  // LED around which the skirt is looked at next
