@@ -292,7 +292,8 @@ void RelativeFilter::learn_restlessness() {
   double sum = 0;
   for (const ObservationReport& o : report_.seen) sum += o.nis;
   const double mean = sum / (2 * report_.used);  // 1 by the model
-  const double factor = mean > kImprobable ? mean : 1 + kRestlessGain * (mean - 1);
+  const double gain = std::max(kRestlessGain, 1.0 / (updates_ + 1));
+  const double factor = mean > kImprobable ? mean : 1 + gain * (mean - 1);
   restless_ = std::clamp(factor * restless_, kRestlessLeast, kRestlessMost);
 }
 
@@ -521,8 +522,6 @@ void RelativeFilter::watch_residuals() {
 }
 
 void RelativeFilter::watch_fit(const LedFrame& seen) {
-  // Lights that run together say little of where each LED is.
-  if (!seen.groups.empty()) return;
   Matrix6 A = Matrix6::Zero();
   for (const LedObservation& o : seen.seen) {
     Matrix26 H;

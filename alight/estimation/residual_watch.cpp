@@ -9,13 +9,14 @@ namespace {
 constexpr double kTold = 6;  // directions: those of one picture of six LEDs
 // A noise that seems larger may be the pose that is still settling.
 constexpr double kNoiseOfConstant = 3;
+constexpr double kLedLeast_m = 0.0001;  // nobody places LEDs better
 
 }  // namespace
 
 void ResidualWatch::add(std::span<const Residual> residuals) {
   const auto n = static_cast<double>(residuals.size());
   if (n < 4) return;
-  double changing = 0, expected = 0, constant = 0;
+  double changing = 0, expected = 0, constant = 0, noise = 0, weights = 0;
   for (const Residual& r : residuals) {
     const auto i = static_cast<std::size_t>(r.led);
     seen_[i] = std::min(seen_[i] + 1, kMemory);
@@ -28,31 +29,39 @@ void ResidualWatch::add(std::span<const Residual> residuals) {
       expected += r.left * seen_[i] / (seen_[i] - 1);
     }
     mean_m_[i] += off_m / seen_[i];
-    constant += mean_m_[i].squaredNorm() - std::min(noise_, kNoiseOfConstant) *
-                                               claimed_px2 * r.m_per_px * r.m_per_px /
-                                               seen_[i];
+    // What is seen well tells most of where LEDs are.
+    const double noise_m2 = std::min(noise_, kNoiseOfConstant) * claimed_px2 *
+                            r.m_per_px * r.m_per_px / seen_[i];
+    const double weight = 1 / (noise_m2 + kLedLeast_m * kLedLeast_m);
+    constant += weight * mean_m_[i].squaredNorm();
+    noise += weight * noise_m2;
+    weights += 2 * weight;
   }
   pictures_ = std::min(pictures_ + 1, kMemory);
   if (expected > 0) {
     const double ratio = std::clamp(changing / expected, kLeast / 2, kMost);
-    noise_ = std::clamp(noise_ + (ratio - noise_) / (pictures_ + 4), kLeast, kMost);
+    noise_ = std::clamp(noise_ + (ratio - noise_) / (pictures_ + 1), kLeast, kMost);
   }
   // The pose takes up six of the 2 n directions in which LEDs may be off.
   const double share = 2 * n / (2 * n - 6);
   told_ += 2 * n - 6;
-  constant_m2_ += (share * constant / (2 * n) - constant_m2_) / pictures_;
+  constant_m2_ += (share * (constant - noise) / weights - constant_m2_) / pictures_;
+  hidden_m2_ += (share * noise / weights - hidden_m2_) / pictures_;
 }
 
 void ResidualWatch::begin_anew() {
   mean_m_.fill(Vector2::Zero());
   seen_.fill(0);
-  constant_m2_ = 0;
+  constant_m2_ = hidden_m2_ = 0;
 }
 
 double ResidualWatch::led_sd_m(double supposed_m) const {
   const double learnt_m = std::sqrt(std::max(constant_m2_, 0.0));
   const double doubt = kTold / (kTold + told_);
-  return std::max(supposed_m * doubt * doubt, learnt_m);
+  double unseen_m = supposed_m * doubt * doubt;
+  // LEDs that are off by more than what noise leaves open would have been seen.
+  if (told_ > 0) unseen_m = std::min(unseen_m, std::sqrt(doubt * hidden_m2_));
+  return std::max(unseen_m, learnt_m);
 }
 
 }  // namespace alight

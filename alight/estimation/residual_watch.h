@@ -44,7 +44,8 @@ class ResidualWatch {
   double noise_ = 1;
   double pictures_ = 0;
   double constant_m2_ = 0;
-  double told_ = 0;  // directions in which pictures have told of LEDs
+  double hidden_m2_ = 0;  // what noise alone would leave of it
+  double told_ = 0;       // directions in which pictures have told of LEDs
 };
 
 }  // namespace alight
