@@ -24,8 +24,14 @@ constexpr int kPictures = 4;
 
 void PoseDoubt::clear() {
   rivals_.clear();
-  labels_known_ = open_ = false;
-  pictures_ = 0;
+  open_ = false;
+  sure_ = looked_ = pictures_ = 0;
+}
+
+unsigned PoseDoubt::leds_of(ObservationSpan seen) {
+  unsigned leds = 0;
+  for (const LedObservation& o : seen) leds |= o.leds;
+  return leds;
 }
 
 double PoseDoubt::word(double chi2, double other_chi2) const {
@@ -93,7 +99,12 @@ bool PoseDoubt::follow(Rival& rival, const Camera& camera, const Constellation& 
 void PoseDoubt::look(const Camera& camera, const Constellation& leds, bool use_color,
                      const LedFinder& plausible, ObservationSpan given,
                      const Pose& X_NB) {
-  if (given.size() < kFew || (labels_known_ && given.size() > kFew)) return;
+  // A light that was none of the LEDs until now may be one of those that are missing.
+  const unsigned leds_seen = leds_of(given);
+  const bool sure = (leds_seen & ~sure_) == 0;
+  if (given.size() < kFew || (sure && given.size() > kFew)) return;
+  if ((leds_seen & ~looked_) != 0) pictures_ = 0;
+  looked_ |= leds_seen;
   FixedVector<LedObservation, kMaxLeds> exact;
   for (const LedObservation& o : given) {
     exact.push_back(o);
@@ -118,7 +129,7 @@ void PoseDoubt::look(const Camera& camera, const Constellation& leds, bool use_c
   ++pictures_;
   const double rms_max = std::max(kRms * own->rms_px, kRmsLeast_px);
   const bool looks =
-      !labels_known_ && (std::has_single_bit(pictures_) || pictures_ % kLookEvery == 0);
+      !sure && (std::has_single_bit(pictures_) || pictures_ % kLookEvery == 0);
   if (looks) {
     OtherPoses others;
     find_other_poses(camera, leds, use_color, plausible, seen, own->X_NB, rms_max,
@@ -136,8 +147,10 @@ void PoseDoubt::look(const Camera& camera, const Constellation& leds, bool use_c
   }
   open_ = false;
   for (const Rival& rival : rivals_) {
-    open_ = open_ || (rival.pictures >= kPictures && rival.evidence > -config_.open &&
-                      apart(rival.pose.fit.X_NB, X_NB));
+    // One that fits better counts at once where it is not known which LEDs these are.
+    const bool counts = rival.pictures >= kPictures ? rival.evidence > -config_.open
+                                                    : !sure && rival.evidence > 0;
+    open_ = open_ || (counts && apart(rival.pose.fit.X_NB, X_NB));
   }
 }
 

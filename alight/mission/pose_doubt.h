@@ -29,9 +29,9 @@ class PoseDoubt {
 
   void clear();
   /// Five LEDs and more, seen together: none of them is another.
-  void be_sure() {
+  void be_sure(ObservationSpan seen) {
     clear();
-    labels_known_ = true;
+    sure_ = leds_of(seen);
   }
 
   /// One picture more. @param seen  Each of one LED.
@@ -59,12 +59,14 @@ class PoseDoubt {
   void add(const OtherPose& pose, ObservationSpan seen, const Pose& X_NB);
   double word(double chi2, double other_chi2) const;
   bool apart(const Pose& a, const Pose& b) const;
+  static unsigned leds_of(ObservationSpan seen);
 
   PoseDoubtConfig config_;
   FixedVector<Rival, 12> rivals_;
-  bool labels_known_ = false;
+  unsigned sure_ = 0;    ///< LEDs that are none other,
+  unsigned looked_ = 0;  ///< and those that other readings were looked for with.
   bool open_ = false;
-  unsigned pictures_ = 0;
+  unsigned pictures_ = 0;  ///< With these.
 };
 
 }  // namespace alight

@@ -146,7 +146,8 @@ TEST(PoseDoubt, AFlatBodySeenFromAfarMayBeMirrored) {
 TEST(PoseDoubt, LedsOnceKnownAreNotTakenForOthers) {
   Pass pass(5);
   PoseDoubt doubt({});
-  doubt.be_sure();
+  const auto known = pass.see(0, {2, 3, 4, 5}, {0, 3, 4, 5});
+  doubt.be_sure({known.data(), known.size()});
   for (int k = 0; k < 60; ++k) {
     const double t = k / 60.0;
     const auto seen = pass.see(t, {2, 3, 4, 5}, {0, 3, 4, 5});
