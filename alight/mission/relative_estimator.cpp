@@ -1,5 +1,6 @@
 #include "alight/mission/relative_estimator.h"
 
+#include <Eigen/Eigenvalues>
 #include <bit>
 #include <cmath>
 
@@ -10,8 +11,6 @@ constexpr double kAnyFit = 1e9;       // px
 constexpr double kNearestLens = 0.1;  // m
 constexpr double kUsualMemory = 20;   // fits
 constexpr int kLearnerSteps = 2;      // for each picture that it keeps
-// On standard deviations: one picture's own word, taken with care.
-constexpr double kFreshCare = 2;
 // LEDs taken for others may fit this much worse than the best answer and still be
 // right.
 constexpr double kRivalRms = 3;
@@ -36,14 +35,18 @@ constexpr int kNoisyPictures = 30;
 
 Covariance9 covariance_of(const PoseFit& fit, double velocity_sd) {
   Covariance9 cov = Covariance9::Zero();
-  cov.topLeftCorner<6, 6>() = kFreshCare * kFreshCare * fit.cov;
-  cov.topLeftCorner<3, 3>().diagonal().array() += 1e-6;
-  cov.block<3, 3>(3, 3).diagonal().array() += 1e-5;
+  cov.topLeftCorner<6, 6>() = fit.cov;
+  cov.topLeftCorner<3, 3>().diagonal().array() += 1e-8;
+  cov.block<3, 3>(3, 3).diagonal().array() += 1e-7;
   cov.bottomRightCorner<3, 3>().diagonal().setConstant(velocity_sd * velocity_sd);
   return cov;
 }
 
-double square(double x) { return x * x; }
+double largest_sd(const Matrix3& cov) {
+  Eigen::SelfAdjointEigenSolver<Matrix3> solver;
+  solver.computeDirect(cov, Eigen::EigenvaluesOnly);
+  return std::sqrt(std::max(0.0, solver.eigenvalues().maxCoeff()));
+}
 
 bool near(const Pose& a, const Pose& b, double distance, double turn) {
   return (a.translation() - b.translation()).norm() < distance &&
@@ -105,8 +108,9 @@ RelativeEstimatorConfig RelativeEstimatorConfig::camera_only() {
   config.prediction_step_ms = 50;  // nothing happens between pictures
   config.filter = RelativeFilterConfig::camera_only();
   config.learn_leds = true;
-  config.told_sd_m = 0.075;
-  config.told_sd_deg = 7.5;
+  // Three of them lie within the limits of a wrong pose, 0.15 m and 15 deg.
+  config.told_sd_m = 0.05;
+  config.told_sd_deg = 5;
   config.learn_leds_from_m = 0.0008;  // what noise may feign, seen from 3 m, is less
   return config;
 }
@@ -230,11 +234,8 @@ bool RelativeEstimator::fuse(const CameraFrame& frame, const MotionSource& motio
     repeat_.found(frame.color, {leds_px.data(), leds_px.size()});
   }
   if (out.tracked && config_.told_sd_m > 0 && !expecting_) {
-    // What LEDs that are off do to a pose is only known once pictures have shown it.
-    const Vector9 variance =
-        learning_ ? out.cov.diagonal() : filter_.tracking_covariance().diagonal();
-    out.tracked = variance.head<3>().sum() < square(config_.told_sd_m) &&
-                  variance.segment<3>(3).sum() < square(config_.told_sd_deg * kDegree);
+    out.tracked = largest_sd(out.cov.block<3, 3>(0, 0)) < config_.told_sd_m &&
+                  largest_sd(out.cov.block<3, 3>(3, 3)) < config_.told_sd_deg * kDegree;
     if (!out.tracked) out.why_not = "followed, but not known well enough to be told";
     if (out.tracked) last_told_ = frame.captured;
     if (to_seconds(frame.captured - last_told_) > config_.forget_after_s) begin_anew();
@@ -346,12 +347,11 @@ double RelativeEstimator::exact_px() const {
   return std::max(config_.search_rms_px, config_.search_rms_factor * usual_rms_px());
 }
 
-bool RelativeEstimator::well_known(double care) const {
+bool RelativeEstimator::well_known() const {
   const auto P = filter_.tracking_covariance();
   const double p_sd = std::sqrt(P.topLeftCorner<3, 3>().trace());
   const double turn_sd = std::sqrt(P.block<3, 3>(3, 3).trace());
-  return p_sd < care * config_.known_sd_m &&
-         turn_sd < care * config_.known_sd_deg * kDegree;
+  return p_sd < config_.known_sd_m && turn_sd < config_.known_sd_deg * kDegree;
 }
 
 bool RelativeEstimator::accept(const LedFrame& leds, std::size_t agreeing,
@@ -394,9 +394,9 @@ bool RelativeEstimator::accept(const LedFrame& leds, std::size_t agreeing,
   for (const RefusedBlob& refused : report->refused) out.refused.push_back(refused);
   out.reprojection_px = report->reprojection_px;
   // Fewer than three directions leave the pose to the prediction.
-  out.tracked = report->reprojection_px < config_.reprojection_max_px &&
-                ((report->used >= 3 && !fresh_) ||
-                 (config_.tell_apart && well_known(fresh_ ? kFreshCare : 1)));
+  out.tracked =
+      report->reprojection_px < config_.reprojection_max_px &&
+      ((report->used >= 3 && !fresh_) || (config_.tell_apart && well_known()));
   if (!out.tracked) out.why_not = "too few LEDs fit";
   if (out.tracked) remember_fit(leds.led_count(), out.reprojection_px);
   if (out.tracked && static_cast<std::size_t>(report->used) >= kTellingLeds) {
@@ -546,7 +546,8 @@ void RelativeEstimator::search(const CameraFrame& frame, const MotionSource& mot
     out.why_not = "lights that fit worse than the LEDs' places are known";
     return;
   }
-  if (!filter_.initialized() && !exact(*found) && !confirmed(found->fit.X_NB)) {
+  if (!filter_.initialized() && !exact(*found) &&
+      (found->frame.seen.size() < kTellingLeds || !confirmed(found->fit.X_NB))) {
     out.why_not = "not yet sure: lights that fit less exactly than LEDs should";
     return;
   }
@@ -662,7 +663,7 @@ void RelativeEstimator::go_on_from(const FoundLeds& found, Time t, FrameReport& 
   for (const LedObservation& seen : found.frame.seen) out.leds.push_back({seen, 0});
   out.refused = found.frame.refused;
   out.reprojection_px = found.fit.rms_px;
-  out.tracked = !config_.tell_apart || well_known(kFreshCare);
+  out.tracked = !config_.tell_apart || well_known();
   out.initialized = true;
   out.why_not = out.tracked ? "" : "not yet known well enough";
 }
@@ -710,7 +711,7 @@ void RelativeEstimator::doubt(FrameReport& out) {
   if (!config_.tell_apart || expecting_ || !out.tracked) return;
   const bool exact = out.reprojection_px <= config_.placed_sds * config_.placed_sd_px;
   if (exact && seen_alone_ >= kTellingLeds) {
-    doubt_.be_sure();
+    doubt_.be_sure({seen_.data(), seen_.size()});
   } else {
     // Where none fits, a colour may be that of a neighbour.
     doubt_.look(camera_, leds_, config_.finder.use_color && exact, finder_,

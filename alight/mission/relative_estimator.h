@@ -50,9 +50,9 @@ struct RelativeEstimatorConfig {
   double known_sd_m = 0.05;
   double known_sd_deg = 7;
   double known_sd_m_s = 0.2;        ///< Speed is known, after the LEDs were lost.
-  double told_sd_m = 0;             ///< A pose that is less well known (sd), with what
-  double told_sd_deg = 0;           ///< LEDs do once they are seen to be off, is not
-                                    ///< told. 0: all are.
+  double told_sd_m = 0;             ///< A pose that is less well known (sd) in some
+  double told_sd_deg = 0;           ///< direction, with what LEDs do to it that may be
+                                    ///< off, is not told. 0: all are.
   int misses_before_search = 3;     ///< Frames without a match before the whole picture
                                     ///< is searched,
   int leds_after_misses = 4;        ///< and LEDs needed to be taken up again from then,
@@ -173,7 +173,7 @@ class RelativeEstimator {
   /// agree with the prediction and the fit is as exact as `rms_max_px`.
   bool accept(const LedFrame& leds, std::size_t agreeing, double rms_max_px,
               FrameReport& out, Probe* probe);
-  bool well_known(double care = 1) const;
+  bool well_known() const;
   /// A fit of LEDs is at least so exact, as far as has been seen.
   double exact_px() const;
   double usual_rms_px() const;
