@@ -96,6 +96,19 @@ TEST(ResidualWatch, LedsAreAsSupposedUntilPicturesTell) {
   }
 }
 
+TEST(ResidualWatch, LedsAreOffByNoMoreThanOnePicturesNoiseHides) {
+  // And by no less, if they are.
+  constexpr double kSd_px = 0.02;
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    ResidualWatch exact;
+    exact.add(Source(6, 0, kSd_px, seed).next(kSd_px));
+    EXPECT_LT(exact.led_sd_m(0.002), 2.5 * kSd_px * kMetrePerPx) << seed;
+    ResidualWatch off;
+    off.add(Source(6, 0.002, kSd_px, seed).next(kSd_px));
+    EXPECT_GT(off.led_sd_m(0.002), 0.0006) << seed;
+  }
+}
+
 TEST(ResidualWatch, ThreeLedsSayNothing) {
   ResidualWatch watch;
   const ResidualWatch::Residual r{

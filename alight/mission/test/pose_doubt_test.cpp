@@ -143,6 +143,28 @@ TEST(PoseDoubt, AFlatBodySeenFromAfarMayBeMirrored) {
   EXPECT_LT(angle_between(back->X_NB.linear(), X_NB.linear()), 0.1 * kDegree);
 }
 
+TEST_P(FewLeds, OneThatComesLaterMayBeAnother) {
+  Pass pass(GetParam());
+  PoseDoubt doubt({});
+  // Five are known; LED 0 was not among them.
+  const auto five = pass.see(0, {1, 2, 3, 4, 5}, {1, 2, 3, 4, 5});
+  doubt.be_sure({five.data(), five.size()});
+  Pose X_NB = pass.at(0);
+  for (int k = 0; k < 60; ++k) {
+    const double t = k / 60.0;
+    const auto seen = pass.see(t, {2, 3, 4, 5}, {0, 3, 4, 5});
+    const auto fit = refine_pose(pass.rig().camera, pass.rig().leds,
+                                 {seen.data(), seen.size()}, X_NB);
+    if (!fit || fit->rms_px > 4) return;  // such a pose is not followed
+    X_NB = fit->X_NB;
+    pass.look(doubt, {seen.data(), seen.size()}, X_NB);
+    if (doubt.better() == nullptr) continue;
+    EXPECT_LT(apart_m(doubt.better()->fit.X_NB, pass.at(t)), 0.05);
+    return;
+  }
+  ADD_FAILURE() << "never found out";
+}
+
 TEST(PoseDoubt, LedsOnceKnownAreNotTakenForOthers) {
   Pass pass(5);
   PoseDoubt doubt({});

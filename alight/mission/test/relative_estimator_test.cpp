@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <bit>
 #include <cmath>
@@ -208,6 +209,29 @@ TEST(RelativeEstimator, WithAnyTwoLedsDeadNoPoseThatIsToldIsWrong) {
     }
   }
   EXPECT_GE(started, pairs - 2);
+}
+
+TEST(RelativeEstimator, AWrongPoseLiesThreeOfTheSdOffThatAreTold) {
+  Rng rng(31);
+  int told = 0;
+  for (int run = 0; run < 12; ++run) {
+    Watch w;
+    for (Led& led : w.truth.leds.leds) {
+      led.p_BL += 0.003 * Vector3(rng.normal(), rng.normal(), rng.normal());
+    }
+    for (int k = 0; k < 60; ++k) {
+      w.now += kFrame;
+      ASSERT_TRUE(w.look(w.now, k % 2 == 0 ? 0x3fu : 0x3fu & ~(1u << run % 6)));
+      if (!w.report.tracked) continue;
+      ++told;
+      const Eigen::SelfAdjointEigenSolver<Matrix3> place(
+          w.report.cov.block<3, 3>(0, 0)),
+          turn(w.report.cov.block<3, 3>(3, 3));
+      EXPECT_LT(3 * std::sqrt(place.eigenvalues()[2]), 0.15) << run << ", " << k;
+      EXPECT_LT(3 * std::sqrt(turn.eigenvalues()[2]), 15 * kDegree) << run << ", " << k;
+    }
+  }
+  EXPECT_GT(told, 0);
 }
 
 // White lamps that stand nearly like the LEDs, and stand still.

@@ -205,6 +205,33 @@ TEST(LedResolver, LearnsTheSkirtAndPlacesCloseLedsByIt) {
   EXPECT_LT(std::sqrt(square / count), 0.03);
 }
 
+TEST(LedResolver, TheFirstPictureClaimsTheNoiseThatItHas) {
+  // Of a camera whose lights have skirts, of which nothing is known yet.
+  Rng rng(12);
+  double nis = 0;
+  int count = 0;
+  for (int run = 0; run < 60; ++run) {
+    Scene scene(rng, 1.5, 2.5, 0, 0.06);
+    const auto tracker = *LedTracker::create({}, scene.rig.camera, scene.rig.leds);
+    TrackDetail detail;
+    const auto blobs = scene.blobs();
+    LedFrame frame =
+        tracker.track(blobs, scene.X_NB, 1e-6 * Matrix6::Identity(), 0, &detail);
+    LedResolver resolver = scene.resolver();
+    resolver.resolve(scene.picture.view(), blobs, detail,
+                     {scene.still.data(), scene.still.size()}, frame);
+    EXPECT_NEAR(resolver.spread().skirt, 0.06, 0.05) << run;
+    for (const LedObservation& o : frame.seen) {
+      if (!(o.cov.trace() < 2 * 0.1 * 0.1)) continue;
+      nis += std::pow(scene.error_px(o), 2) / o.cov.trace();
+      ++count;
+    }
+  }
+  EXPECT_GT(count, 150);
+  EXPECT_GT(nis / count, 0.4);
+  EXPECT_LT(nis / count, 2);
+}
+
 TEST(LedResolver, NamesTheBoundThatDoesNotHold) {
   LedResolverConfig config;
   config.spread_sd_px = 0;
