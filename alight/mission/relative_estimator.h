@@ -137,6 +137,9 @@ class RelativeEstimator {
   Result<RestFit> calibrate_at_rest();
 
  private:
+  /// So many LEDs leave more of their images' errors than the pose takes up by chance.
+  static constexpr std::size_t kTellingLeds = 5;
+
   RelativeEstimator(const RelativeEstimatorConfig& config, const Rig& rig,
                     BlobDetector detector, LedFinder finder, LedTracker tracker,
                     LedResolver resolver, RelativeFilter filter);

@@ -1,0 +1,380 @@
+// How RelativeEstimator finds a pose in a whole picture, and when it believes one.
+#include <algorithm>
+#include <bit>
+#include <cmath>
+
+#include "alight/mission/relative_estimator.h"
+
+namespace alight {
+namespace {
+
+// LEDs taken for others may fit this much worse than the best answer and still be
+// right.
+constexpr double kRivalRms = 3;
+// So many lights in the colours of their LEDs are no lamps.
+constexpr int kColored = 3;
+// Pictures in a row with LEDs missing after which the whole picture is searched for a
+// pose that explains more: then, after twice as many, and so on, at last after every so
+// many.
+constexpr unsigned kDoubtAfter = 4, kDoubtEvery = 256;
+
+Covariance9 covariance_of(const PoseFit& fit, double velocity_sd) {
+  Covariance9 cov = Covariance9::Zero();
+  cov.topLeftCorner<6, 6>() = fit.cov;
+  cov.topLeftCorner<3, 3>().diagonal().array() += 1e-8;
+  cov.block<3, 3>(3, 3).diagonal().array() += 1e-7;
+  cov.bottomRightCorner<3, 3>().diagonal().setConstant(velocity_sd * velocity_sd);
+  return cov;
+}
+
+bool near(const Pose& a, const Pose& b, double distance, double turn) {
+  return (a.translation() - b.translation()).norm() < distance &&
+         so3_log(a.linear().transpose() * b.linear()).norm() < turn;
+}
+
+}  // namespace
+
+void RelativeEstimator::search(const CameraFrame& frame, const MotionSource& motion,
+                               FrameReport& out, Probe* probe) {
+  if (leds_moved_) {
+    finder_.set_rig(camera_, leds_, config_.finder.led_sd_m);
+    rivals_.set_rig(camera_, filter_);
+    leds_moved_ = false;
+  }
+  Result<BlobSpan> blobs = fail(Fault::invalid_input);
+  {
+    const ProbeScope scope(probe, Stage::detect);
+    blobs = detector_.detect(frame.color, frame.depth);
+  }
+  if (!blobs) {
+    out.why_not = "the picture cannot be read";
+    return;
+  }
+  out.blobs = static_cast<int>(blobs->size());
+  Result<FoundLeds> found = fail(Fault::too_few_points);
+  {
+    const ProbeScope scope(probe, Stage::associate);
+    found = finder_.find(*blobs, frame.captured);
+    if (found && config_.tell_apart) place_by_pixels(frame, *blobs, *found);
+    if (!beyond_doubt(found) && config_.blobs.dim_threshold > 0) {
+      // LEDs may be too dim to stand out as what is bright does.
+      const auto dim =
+          detector_.detect(frame.color, frame.depth, {}, BlobDetector::LookFor::dim);
+      if (dim) {
+        blobs = dim;
+        auto again = finder_.find(*dim, frame.captured);
+        if (again && config_.tell_apart) place_by_pixels(frame, *dim, *again);
+        found = better(found, again);
+      } else {
+        blobs = detector_.detect(frame.color, frame.depth);
+      }
+    }
+    if (!found && expecting_ && !filter_.initialized()) {
+      if (auto expected = find_expected(*blobs, frame.captured)) {
+        found = expected;
+        if (config_.tell_apart) place_by_pixels(frame, *blobs, *found);
+      }
+    }
+    Rivals open;
+    for (const LedRival& rival : finder_.left_open()) {
+      if (!found && open.size() < Rivals::capacity()) open.push_back(rival);
+    }
+    // Lamps in a row look like white LEDs that are somewhat off, picture after picture.
+    // A drone at rest where it is known to stand does not move either.
+    if (found && config_.keep_rivals && !filter_.initialized() && !expecting_ &&
+        found->in_color < kColored && found->fit.rms_px > config_.placed_sd_px) {
+      open.push_back({found->fit.X_NB, found->fit.cov,
+                      static_cast<int>(found->frame.seen.size()), true});
+      found = fail(Fault::ambiguous);
+    }
+    if (found && config_.keep_rivals && !filter_.initialized()) {
+      open = rivals_of(*found);
+      if (!open.empty()) found = fail(Fault::ambiguous);
+    }
+    if (!found && config_.keep_rivals) {
+      const auto left = rivals_.decide(
+          *blobs, frame.captured, {open.data(), open.size()}, tracker_, motion, step_);
+      if (left) found = left;
+      if (left && config_.tell_apart) place_by_pixels(frame, *blobs, *found);
+    }
+  }
+  if (!found) {
+    confirmations_ = 0;
+    out.why_not = found.error().fault == Fault::ambiguous
+                      ? "two poses explain the picture"
+                      : "no pose explains the picture";
+    return;
+  }
+  if (config_.tell_apart && found->fit.rms_px > placed_rms_max_px(found->fit.X_NB)) {
+    out.why_not = "lights that fit worse than the LEDs' places are known";
+    return;
+  }
+  if (!filter_.initialized() && !exact(*found) &&
+      (found->frame.seen.size() < kTellingLeds || !confirmed(found->fit.X_NB))) {
+    out.why_not = "not yet sure: lights that fit less exactly than LEDs should";
+    return;
+  }
+  if (filter_.initialized() && !believable(*found, frame.captured)) {
+    out.why_not = "a pose that contradicts the prediction";
+    return;
+  }
+  if (!filter_.initialized() && on_floor_ && !believable_on_floor(*found)) {
+    out.why_not = "not yet sure that it is the drone on the floor";
+    return;
+  }
+  if (fresh_ && filter_.initialized() &&
+      accept(found->frame, found->frame.seen.size(),
+             std::max(exact_px(), found->fit.rms_px), out, probe)) {
+    // Where it is now and where it was tell its speed.
+    misses_ = 0;
+    return;
+  }
+  go_on_from(*found, frame.captured, out);
+}
+
+bool RelativeEstimator::exact(const FoundLeds& found) const {
+  return !config_.tell_apart ||
+         found.fit.rms_px <= config_.placed_sds * config_.placed_sd_px;
+}
+
+bool RelativeEstimator::beyond_doubt(const Result<FoundLeds>& found) const {
+  if (!found || !config_.tell_apart) return found.has_value();
+  return found->frame.seen.size() >= kTellingLeds && exact(*found);
+}
+
+Result<FoundLeds> RelativeEstimator::better(const Result<FoundLeds>& bright,
+                                            const Result<FoundLeds>& dim) const {
+  if (!bright || !dim) return bright ? bright : dim;
+  if (beyond_doubt(dim) || dim->frame.seen.size() > bright->frame.seen.size()) {
+    return dim;
+  }
+  if (!near(bright->fit.X_NB, dim->fit.X_NB, config_.placed_within_m,
+            config_.placed_within_deg * kDegree)) {
+    return fail(Fault::ambiguous);
+  }
+  return bright;
+}
+
+RelativeEstimator::Rivals RelativeEstimator::rivals_of(FoundLeds& found) const {
+  Rivals open;
+  const bool few = found.frame.seen.size() <= PoseDoubt::kFew;
+  if (!config_.tell_apart || (!few && exact(found))) return open;
+  const auto rms_max = [&] {
+    return std::min(placed_rms_max_px(found.fit.X_NB),
+                    std::max(kRivalRms * found.fit.rms_px, config_.placed_sd_px));
+  };
+  OtherPoses others;
+  // Where none fits, a colour may be that of a neighbour.
+  find_other_poses(camera_, leds_, config_.finder.use_color && exact(found), finder_,
+                   {found.frame.seen.data(), found.frame.seen.size()}, found.fit.X_NB,
+                   rms_max(), others);
+  if (!others.empty() && kRivalRms * others[0].fit.rms_px < found.fit.rms_px) {
+    found.frame.seen = others[0].seen;
+    found.frame.groups.clear();
+    found.fit = others[0].fit;
+  }
+  const auto add = [&](const PoseFit& fit) {
+    const auto same = [&](const LedRival& other) {
+      return near(other.X_NB, fit.X_NB, config_.placed_within_m,
+                  config_.placed_within_deg * kDegree);
+    };
+    if (fit.rms_px > rms_max() || std::any_of(open.begin(), open.end(), same)) return;
+    open.push_back(
+        {fit.X_NB, fit.cov, static_cast<int>(found.frame.seen.size()), false});
+  };
+  add(found.fit);
+  const int leds = found.frame.led_count();
+  for (const OtherPose& other : others) {
+    // What explains fewer LEDs must do it far better.
+    LedFrame frame;
+    frame.seen = other.seen;
+    if (few && frame.led_count() >= leds) add(other.fit);
+  }
+  if (open.size() == 1) open.clear();
+  return open;
+}
+
+void RelativeEstimator::go_on_from(const FoundLeds& found, Time t, FrameReport& out) {
+  RelativeState x;
+  x.p_NB = found.fit.X_NB.translation();
+  x.R_NB = found.fit.X_NB.linear();
+  found_again_ = filter_.initialized();
+  fresh_ = config_.tell_apart;
+  double velocity_sd = 1.5;
+  Vector3 d_N = Vector3::Zero(), b_N = Vector3::Zero();
+  if (filter_.initialized() &&
+      (filter_.state().p_NB - x.p_NB).norm() < config_.search_gate_m) {
+    x.v_NB = filter_.state().v_NB;
+    d_N = filter_.motion_state().d_N;
+    b_N = filter_.motion_state().b_N;
+    velocity_sd = std::max(0.3, 2 * filter_.velocity_sd());
+  }
+  filter_.reset(t, x, covariance_of(found.fit, velocity_sd), d_N, b_N, &found.frame);
+  last_told_ = t;
+  last_sight_ = t;
+  if (config_.tell_apart && found.frame.seen.size() >= kTellingLeds) {
+    usual_misfit_ =
+        std::max({usual_misfit_, misfit_least_, found.fit.rms_px * lens_distance()});
+  }
+  remember_fit(found.frame.led_count(), found.fit.rms_px);
+  rivals_.clear();
+  doubt_.clear();
+  misses_ = 0;
+  confirmations_ = 0;
+  doubts_ = 0;
+  out.leds.clear();
+  for (const LedObservation& seen : found.frame.seen) out.leds.push_back({seen, 0});
+  out.refused = found.frame.refused;
+  out.reprojection_px = found.fit.rms_px;
+  out.tracked = !config_.tell_apart || well_known();
+  out.initialized = true;
+  out.why_not = out.tracked ? "" : "not yet known well enough";
+}
+
+bool RelativeEstimator::contradicted(const CameraFrame& frame, FrameReport& out,
+                                     Probe* probe) {
+  if (!config_.tell_apart || expecting_) return false;
+  int used = 0;
+  for (const LedUse& use : out.leds) used += std::popcount(use.observation.leds);
+  doubts_ = used < leds_.size() ? doubts_ + 1 : 0;
+  const auto pictures = static_cast<unsigned>(doubts_);
+  const bool time_to_look = pictures >= kDoubtAfter && (std::has_single_bit(pictures) ||
+                                                        pictures % kDoubtEvery == 0);
+  if (doubts_ == 0 || !(time_to_look || confirmations_ > 0)) return false;
+  const LedResolver as_followed = resolver_;
+  Result<FoundLeds> found = fail(Fault::too_few_points);
+  {
+    const ProbeScope scope(probe, Stage::associate);
+    const auto blobs = detector_.detect(frame.color, frame.depth);
+    if (blobs) found = finder_.find(*blobs, frame.captured);
+    if (found) place_by_pixels(frame, *blobs, *found);
+  }
+  const auto contrary = [&] {
+    const Pose X_NB = filter_.state().X_NB();
+    return found->frame.seen.size() > seen_.size() &&
+           found->frame.seen.size() >= PoseDoubt::kFew &&
+           !near(X_NB, found->fit.X_NB, config_.expected_within_m,
+                 config_.expected_within_deg * kDegree) &&
+           found->fit.rms_px <= std::max(config_.search_rms_px,
+                                         config_.search_rms_factor * usual_rms_px());
+  };
+  if (!found || !contrary()) {
+    resolver_ = as_followed;
+    return false;
+  }
+  if (confirmed(found->fit.X_NB)) {
+    go_on_from(*found, frame.captured, out);
+  } else {
+    resolver_ = as_followed;
+  }
+  return true;
+}
+
+void RelativeEstimator::doubt(FrameReport& out) {
+  if (!config_.tell_apart || expecting_ || !out.tracked) return;
+  const bool exact = out.reprojection_px <= config_.placed_sds * config_.placed_sd_px;
+  if (exact && seen_alone_ >= kTellingLeds) {
+    doubt_.be_sure({seen_.data(), seen_.size()});
+  } else {
+    // Where none fits, a colour may be that of a neighbour.
+    doubt_.look(camera_, leds_, config_.finder.use_color && exact, finder_,
+                {seen_.data(), seen_.size()}, filter_.state().X_NB());
+  }
+  const OtherPose* better = doubt_.better();
+  if (better == nullptr) return;
+  FoundLeds found;
+  found.frame.t = out.t;
+  found.frame.seen = better->seen;
+  found.fit = better->fit;
+  go_on_from(found, out.t, out);
+}
+
+void RelativeEstimator::place_by_pixels(const CameraFrame& frame, BlobSpan blobs,
+                                        FoundLeds& found) {
+  TrackDetail detail;
+  LedFrame leds =
+      tracker_.track(blobs, found.fit.X_NB, 4 * found.fit.cov, frame.captured, &detail);
+  if (leds.led_count() < found.frame.led_count()) return;
+  FixedVector<Vector2, kMaxLeds> still;  // its speed is not known yet
+  for (int i = 0; i < leds_.size(); ++i) still.push_back(Vector2::Zero());
+  resolver_.resolve(frame.color, blobs, detail, {still.data(), still.size()}, leds);
+  // Three always fit.
+  if (leds.seen.size() < 4) return;
+  const auto fit = refine_pose(camera_, leds_, {leds.seen.data(), leds.seen.size()},
+                               found.fit.X_NB, nullptr, 10);
+  if (!fit || !near(fit->X_NB, found.fit.X_NB, config_.placed_within_m,
+                    config_.placed_within_deg * kDegree)) {
+    return;
+  }
+  found.frame = leds;
+  found.fit = *fit;
+}
+
+double RelativeEstimator::placed_rms_max_px(const Pose& X_NB) const {
+  const double range = (X_NB.translation() - camera_.X_NC.translation()).norm();
+  const double led_px =
+      config_.finder.led_sd_m * camera_.intrinsics.fx / std::max(range, 0.05);
+  return config_.placed_sds * std::hypot(config_.placed_sd_px, led_px);
+}
+
+bool RelativeEstimator::believable(const FoundLeds& found, Time t) {
+  // Just where it is expected no lamps stand by chance.
+  if (near(filter_.state().X_NB(), found.fit.X_NB, config_.expected_within_m,
+           config_.expected_within_deg * kDegree)) {
+    confirmations_ = 0;
+    return true;
+  }
+  // Lamps that look like the constellation do so less exactly than the LEDs did.
+  if (usual_misfit_ > 0 && found.fit.rms_px > exact_px()) {
+    confirmations_ = 0;
+    return false;
+  }
+  const Seconds unseen = to_seconds(t - last_sight_);
+  if (near(filter_.state().X_NB(), found.fit.X_NB,
+           config_.search_gate_m + config_.search_drift_m_s * unseen,
+           config_.search_turn_deg * kDegree)) {
+    // Among many lamps four lie by chance as four LEDs may.
+    if (found.frame.led_count() < config_.search_leds) return confirmed(found.fit.X_NB);
+    confirmations_ = 0;
+    return true;
+  }
+  return found.frame.led_count() >= config_.search_leds && confirmed(found.fit.X_NB);
+}
+
+bool RelativeEstimator::believable_on_floor(const FoundLeds& found) {
+  const Pose& X_NB = found.fit.X_NB;
+  return found.frame.led_count() >= config_.search_leds &&
+         X_NB.linear()(2, 2) > std::cos(config_.floor_tilt_deg * kDegree) &&
+         X_NB.translation().z() < config_.floor_height_m && confirmed(X_NB);
+}
+
+bool RelativeEstimator::confirmed(const Pose& X_NB) {
+  const bool again = near(X_NB_contrary_, X_NB, config_.search_gate_m,
+                          config_.search_turn_deg * kDegree);
+  confirmations_ = again ? confirmations_ + 1 : 1;
+  X_NB_contrary_ = X_NB;
+  return confirmations_ >= config_.search_confirmations;
+}
+
+Result<FoundLeds> RelativeEstimator::find_expected(BlobSpan blobs, Time t) const {
+  FoundLeds found;
+  found.frame = tracker_.track(blobs, X_NB_expected_, cov_expected_, t);
+  if (found.frame.led_count() < std::max(4, leds_.size() - 1)) {
+    return fail(Fault::too_few_points);
+  }
+  const Matrix6 information = cov_expected_.inverse();
+  auto fit =
+      refine_pose(camera_, leds_, {found.frame.seen.data(), found.frame.seen.size()},
+                  X_NB_expected_, &information);
+  if (!fit) return fail(fit.error());
+  if (fit->rms_px > config_.reprojection_max_px) return fail(Fault::degenerate);
+  Vector6 off;
+  off << fit->X_NB.translation() - X_NB_expected_.translation(),
+      so3_log(X_NB_expected_.linear().transpose() * fit->X_NB.linear());
+  // Six degrees of freedom: beyond this the drone stands elsewhere.
+  if (off.dot(information * off) > 22.5) return fail(Fault::ambiguous);
+  found.fit = *fit;
+  return found;
+}
+
+}  // namespace alight
