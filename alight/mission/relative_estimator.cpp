@@ -75,12 +75,14 @@ RelativeEstimatorConfig RelativeEstimatorConfig::paper() {
   config.calibrate_at_rest = false;
   config.tell_apart = false;
   config.keep_rivals = false;
+  config.search_lean_deg = 180;
   return config;
 }
 
 RelativeEstimatorConfig RelativeEstimatorConfig::camera_only() {
   RelativeEstimatorConfig config;
   config.prediction_step_ms = 50;  // nothing happens between pictures
+  config.search_lean_deg = 180;
   config.filter = RelativeFilterConfig::camera_only();
   config.learn_leds = true;
   // Three of them lie within the limits of a wrong pose, 0.15 m and 15 deg.
@@ -163,6 +165,7 @@ bool RelativeEstimator::fuse(const CameraFrame& frame, const MotionSource& motio
     }
   }
   last_frame_ = frame.captured;
+  lift_N_ = motion.at(frame.captured, filter_.state()).lift_N;
 
   if (config_.frozen_pictures > 0) {
     const int alike = repeat_.look(frame.color);
@@ -336,10 +339,12 @@ bool RelativeEstimator::accept(const LedFrame& leds, std::size_t agreeing,
     out.why_not = "too few LEDs are left for a rig that is this far off";
     return false;
   }
+  const bool lost = to_seconds(leds.t - last_sight_) > kLongUnseen;
   std::optional<RelativeFilter> before;
-  if (rms_max_px < kAnyFit) before = filter_;
+  if (rms_max_px < kAnyFit || lost) before = filter_;
   auto report = filter_.update(leds, agreeing);
-  if (report && report->reprojection_px > rms_max_px) {
+  if (report && (report->reprojection_px > rms_max_px ||
+                 (lost && !leans_as_known(filter_.state().R_NB)))) {
     filter_ = *before;
     report = fail(Fault::ambiguous);
   }

@@ -66,6 +66,8 @@ struct RelativeEstimatorConfig {
   // An answer that contradicts the prediction may be made of lamps.
   double search_drift_m_s = 1;   ///< A prediction may be off by the gate plus this,
   double search_turn_deg = 35;   ///< and turned by this;
+  double search_lean_deg = 20;   ///< but lean no more from where its thrust is known to
+                                 ///< point. 180: that is not known;
   int search_leds = 5;           ///< else an answer needs that many LEDs,
   double search_rms_px = 0.25;   ///< at least as exactly as this,
   double search_rms_factor = 3;  ///< or as this many times what is usual,
@@ -169,6 +171,7 @@ class RelativeEstimator {
   /// Few LEDs are held against what they may be besides.
   void doubt(FrameReport& out);
   bool believable(const FoundLeds& found, Time t);
+  bool leans_as_known(const Matrix3& R_NB) const;
   bool believable_on_floor(const FoundLeds& found);
   bool confirmed(const Pose& X_NB);
   bool follow(const CameraFrame& frame, FrameReport& out, Probe* probe);
@@ -215,8 +218,9 @@ class RelativeEstimator {
   // Of fits to five LEDs and more, rms times distance, px m: LEDs that are not where
   // the rig says misfit by more pixels the nearer they are. 0: not known.
   double usual_misfit_ = 0, misfit_least_ = 0;
-  double fitted_misfit_ = 0;  // the same of the last fit,
-  int fitted_leds_ = 0;       // which was to so many
+  double fitted_misfit_ = 0;           // the same of the last fit,
+  int fitted_leds_ = 0;                // which was to so many
+  Vector3 lift_N_ = Vector3::UnitZ();  // where its thrust points
   PictureRepeat repeat_;
   bool repeats_ = false, frozen_ = false;  // the last picture
   int unlike_ = 0;                         // in a row

@@ -17,6 +17,7 @@ constexpr int kColored = 3;
 // pose that explains more: then, after twice as many, and so on, at last after every so
 // many.
 constexpr unsigned kDoubtAfter = 4, kDoubtEvery = 256;
+constexpr double kFlies = 0.5;  // With at least so much of its weight in thrust.
 
 Covariance9 covariance_of(const PoseFit& fit, double velocity_sd) {
   Covariance9 cov = Covariance9::Zero();
@@ -107,6 +108,11 @@ void RelativeEstimator::search(const CameraFrame& frame, const MotionSource& mot
   }
   if (config_.tell_apart && found->fit.rms_px > placed_rms_max_px(found->fit.X_NB)) {
     out.why_not = "lights that fit worse than the LEDs' places are known";
+    return;
+  }
+  if (!leans_as_known(found->fit.X_NB.linear())) {
+    confirmations_ = 0;
+    out.why_not = "lights that lean otherwise than the drone";
     return;
   }
   if (!filter_.initialized() && !exact(*found) &&
@@ -339,6 +345,14 @@ bool RelativeEstimator::believable(const FoundLeds& found, Time t) {
     return true;
   }
   return found.frame.led_count() >= config_.search_leds && confirmed(found.fit.X_NB);
+}
+
+// Telemetry tells how it leans however long it is out of sight. Lamps that look like
+// LEDs look like those of a drone that leans anyhow.
+bool RelativeEstimator::leans_as_known(const Matrix3& R_NB) const {
+  if (lift_N_.norm() < kFlies || config_.search_lean_deg >= 180) return true;
+  const double along = R_NB.col(2).dot(lift_N_.normalized());
+  return along > std::cos(config_.search_lean_deg * kDegree);
 }
 
 bool RelativeEstimator::believable_on_floor(const FoundLeds& found) {

@@ -853,14 +853,14 @@ TEST(Mission, BelowTheCommitHeightItLandsWhateverComes) {
 }
 
 TEST(Mission, WhatIsKnownTooVaguelyIsNotLandedBy) {
-  for (const double sd : {0.03, 0.05}) {
+  for (const double sd : {0.04, 0.06}) {
     Flight f;
     ASSERT_TRUE(f.reach(State::land));
     f.run(0.5);
     f.miss_sd_m = sd;
     f.run(0.3);
-    EXPECT_EQ(f.state(), sd < 0.04 ? State::land : State::go_around) << sd;
-    if (sd > 0.04) {
+    EXPECT_EQ(f.state(), sd < 0.05 ? State::land : State::go_around) << sd;
+    if (sd > 0.05) {
       EXPECT_EQ(f.reason(), "too few LEDs are seen to land by");
     }
     f.miss_sd_m = 0.02;

@@ -601,6 +601,58 @@ TEST(RelativeEstimator, AtRestARepeatedPictureIsOneOnlyOfACameraThatHasNoise) {
   }
 }
 
+/// Telemetry tells how the drone leans.
+struct Leaning final : MotionSource {
+  Matrix3 R_NB = Matrix3::Identity();
+  double thrust = 1;  ///< per weight
+  PredictionInput at(Time t, const RelativeState&) const override {
+    PredictionInput input;
+    input.platform.t = t;
+    input.lift_N = thrust * R_NB.col(2);
+    input.f_N = kGravity * input.lift_N;
+    return input;
+  }
+};
+
+// Found at the start, or again after a second without pictures.
+TEST(RelativeEstimator, LightsThatLeanOtherwiseThanTheDroneAreNotIt) {
+  const Pose X_NB = Watch::sway(0);
+  for (const bool lost : {false, true}) {
+    for (const double turn : {0.0, 0.2, 0.5, 1.0, 2.5}) {
+      for (const double way : {0.0, 2.0, 4.0}) {
+        Watch w(RelativeEstimatorConfig{}, small_rig());
+        Leaning motion;
+        motion.R_NB = X_NB.linear();
+        const auto look = [&] {
+          CameraFrame frame;
+          frame.captured = frame.received = w.now += kFrame;
+          frame.color = w.picture.view();
+          w.estimator.fuse(frame, motion, w.report);
+          return w.report.tracked;
+        };
+        w.draw(X_NB);
+        for (int i = 0; lost && i < 30; ++i) look();
+        ASSERT_EQ(w.report.tracked, lost) << w.report.why_not;
+        w.now += from_seconds(1);
+        const Vector3 axis(std::cos(way), std::sin(way), 0);
+        motion.R_NB = X_NB.linear() * so3_exp(turn * axis);
+        int tracked = 0;
+        for (int i = 0; i < 5; ++i) tracked += look();
+        if (turn < 0.3) {
+          EXPECT_GT(tracked, 0) << turn << ": " << w.report.why_not;
+        } else {
+          EXPECT_EQ(tracked, 0) << turn << (lost ? ", lost" : "");
+        }
+        // A drone that does not fly leans as it stands.
+        motion.thrust = 0.1;
+        tracked = 0;
+        for (int i = 0; i < 5; ++i) tracked += look();
+        EXPECT_GT(tracked, 0) << turn << ": " << w.report.why_not;
+      }
+    }
+  }
+}
+
 /// Knows what moved the drone for a while only, as DroneResponse does, and complains
 /// when asked for earlier.
 struct ShortMemory final : MotionSource {
