@@ -115,8 +115,10 @@ void RelativeEstimator::search(const CameraFrame& frame, const MotionSource& mot
     out.why_not = "lights that lean otherwise than the drone";
     return;
   }
+  // Where a drone is known to stand four that are off will do.
+  const bool few = found->frame.seen.size() < kTellingLeds && !expecting_;
   if (!filter_.initialized() && !exact(*found) &&
-      (found->frame.seen.size() < kTellingLeds || !confirmed(found->fit.X_NB))) {
+      (few || !confirmed(found->fit.X_NB))) {
     out.why_not = "not yet sure: lights that fit less exactly than LEDs should";
     return;
   }
