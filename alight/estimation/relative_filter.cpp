@@ -40,12 +40,6 @@ bool finite(const PlatformState& p) {
          p.alpha_IN_N.allFinite();
 }
 
-double largest_sd(const Matrix3& covariance) {
-  Eigen::SelfAdjointEigenSolver<Matrix3> solver;
-  solver.computeDirect(covariance, Eigen::EigenvaluesOnly);
-  return std::sqrt(std::max(0.0, solver.eigenvalues().maxCoeff()));
-}
-
 using Vector6 = Eigen::Matrix<double, 6, 1>;
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
 

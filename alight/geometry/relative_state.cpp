@@ -1,6 +1,16 @@
 #include "alight/geometry/relative_state.h"
 
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+
 namespace alight {
+
+double largest_sd(const Matrix3& covariance) {
+  Eigen::SelfAdjointEigenSolver<Matrix3> solver;
+  solver.computeDirect(covariance, Eigen::EigenvaluesOnly);
+  return std::sqrt(std::max(0.0, solver.eigenvalues().maxCoeff()));
+}
 
 RelativeState boxplus(const RelativeState& x, const Vector9& d) {
   return {x.p_NB + d.head<3>(), x.R_NB * so3_exp(d.segment<3>(3)),

@@ -11,6 +11,10 @@ using Matrix9 = Eigen::Matrix<double, 9, 9>;
 /// Covariance of [p, R, v] in the tangent space; rotation as Log(Rhat' R) in B.
 using Covariance9 = Matrix9;
 
+/// Standard deviation in the direction in which it is largest. @pre covariance
+/// symmetric
+double largest_sd(const Matrix3& covariance);
+
 /// The state of the paper (eqn:states): x = (p, R, v) on R3 x SO(3) x R3.
 struct RelativeState {
   Vector3 p_NB = Vector3::Zero();  ///< m

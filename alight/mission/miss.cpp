@@ -6,12 +6,10 @@
 namespace alight {
 
 double miss_sd(const Covariance9& cov) {
-  double worst = 0;
-  for (int p = 0, v = 6; p < 3; ++p, ++v) {
-    worst = std::max(worst, cov(p, p) + kMissAhead * (cov(p, v) + cov(v, p)) +
-                                kMissAhead * kMissAhead * cov(v, v));
-  }
-  return std::sqrt(worst);
+  const Vector3 variance = cov.diagonal().head<3>() +
+                           2 * kMissAhead * cov.block<3, 3>(0, 6).diagonal() +
+                           kMissAhead * kMissAhead * cov.diagonal().tail<3>();
+  return std::sqrt(std::max(0.0, variance.maxCoeff()));
 }
 
 }  // namespace alight

@@ -88,8 +88,9 @@ constexpr const char* kTooFast =
     "the platform is too fast for the drone's speed limit: no landing";
 constexpr const char* kUnhealthy = "the radio link is not healthy";
 constexpr const char* kNoOdometry = "no platform odometry comes";
-// So many sd of the miss are the miss at which commit is refused: what is known
-// less well, and for longer, s, than it takes to be known again, is not landed by.
+// So many sd of an expected miss may come to the one at which commit is refused: what
+// is known less well, and for longer, s, than it takes to be known again, is not landed
+// by.
 constexpr double kVagueSds = 2;
 constexpr Seconds kVagueFor = 0.1;
 constexpr const char* kOffItsWay = "far off its way: it goes on from where it is";

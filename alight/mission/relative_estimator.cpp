@@ -1,6 +1,5 @@
 #include "alight/mission/relative_estimator.h"
 
-#include <Eigen/Eigenvalues>
 #include <bit>
 #include <cmath>
 
@@ -21,12 +20,6 @@ constexpr Seconds kLongUnseen = 0.15;
 // So many pictures in a row, each another than the one before: the camera has noise, or
 // what it sees moves. More than a drone that was put down takes to come to rest.
 constexpr int kNoisyPictures = 30;
-
-double largest_sd(const Matrix3& cov) {
-  Eigen::SelfAdjointEigenSolver<Matrix3> solver;
-  solver.computeDirect(cov, Eigen::EigenvaluesOnly);
-  return std::sqrt(std::max(0.0, solver.eigenvalues().maxCoeff()));
-}
 
 }  // namespace
 

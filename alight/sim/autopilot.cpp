@@ -220,11 +220,12 @@ RotorShares Autopilot::follow_velocity(const Vector3& v_I, const Vector3& a_I,
 }
 
 RotorShares Autopilot::land(double speed, bool disarms, Time now, Seconds dt) {
-  if (on_ground_) {
+  if (on_ground_ || (disarms && still_for_ > kTouchTime)) {
     // Not flying: it corrects nothing.
     still_for_ += dt;
-    if (disarms && still_for_ > config_.land_disarm_s) disarm();
-    return idle();
+    if (!disarms || still_for_ <= config_.land_disarm_s) return idle();
+    disarm();
+    return {};
   }
   const double left = -speed - land_v_;
   const double jerk = config_.land_jerk_m_s3;
@@ -236,17 +237,10 @@ RotorShares Autopilot::land(double speed, bool disarms, Time now, Seconds dt) {
   const RotorShares shares =
       follow_velocity(Vector3(0, 0, land_v_), Vector3(0, 0, land_a_), alone_yaw_,
                       !belief_.velocity_valid(now), dt);
-  if (!disarms) return shares;
-  const bool at_rest = thrust_ < kTouchThrust * hover_share_ &&
+  const bool at_rest = disarms && thrust_ < kTouchThrust * hover_share_ &&
                        std::abs(belief_.v_I().z()) < kTouchSpeed;
-  const bool touched = still_for_ > kTouchTime;
-  if (at_rest || touched) still_for_ += dt;
-  if (!at_rest && !touched) still_for_ = 0;
-  if (still_for_ > config_.land_disarm_s) {
-    disarm();
-    return {};
-  }
-  return touched ? idle() : shares;
+  still_for_ = at_rest ? still_for_ + dt : 0;
+  return shares;
 }
 
 AutopilotTelemetry Autopilot::telemetry(Time now) {

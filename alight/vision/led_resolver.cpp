@@ -356,6 +356,14 @@ void LedResolver::look_around(const Look& look, const Patches& patches,
   spread_.skirt = std::clamp(spread_.skirt, 0.0, kSkirtMost);
 }
 
+void LedResolver::learn_from(const Look& look, const Patches& patches) {
+  for (const Patch& patch : patches) {
+    learn(patch);
+    learn_spread(patch);
+  }
+  learn_skirt(look, patches);
+}
+
 LedResolver::Patches LedResolver::patches(const LedImages& images, BlobSpan blobs,
                                           const Assignment& match) const {
   const auto n = static_cast<std::size_t>(leds_.size());
@@ -398,15 +406,16 @@ void LedResolver::resolve(const ImageView& image, BlobSpan blobs,
   // Patches with blobs first; what they say of the pose shows where to look for the
   // rest.
   bool all = true;
+  const auto has_blob = [](const Patch& patch) { return patch.area_px > 0; };
   Look look = look_at(image, blobs, match, images, blur_px, 0);
-  fit_all(look, patches, [](const Patch& patch) { return patch.area_px > 0; });
+  fit_all(look, patches, has_blob);
   if (judged_ == 0) {
     // What the first picture tells of the camera's lights, it tells of its own, too.
     for (const Patch& patch : patches) learn_spread(patch);
     for (std::size_t i = 0; i < static_cast<std::size_t>(leds_.size()); ++i) {
       look_around(look, patches, i);
     }
-    fit_all(look, patches, [](const Patch& patch) { return patch.area_px > 0; });
+    fit_all(look, patches, has_blob);
     for (const Patch& patch : patches) learn(patch);
   }
   for (Patch& patch : patches) {
@@ -447,11 +456,7 @@ void LedResolver::resolve(const ImageView& image, BlobSpan blobs,
       out = collect();
     }
   }
-  for (const Patch& patch : patches) {
-    learn(patch);
-    learn_spread(patch);
-  }
-  learn_skirt(look, patches);
+  learn_from(look, patches);
   frame.seen = out.seen;
   frame.groups = out.groups;
   lit_ = 0;
@@ -548,11 +553,7 @@ std::optional<LedFrame> LedResolver::follow(const ImageView& image, BlobSpan blo
     out.refused.push_back({blobs[j].uv, Refusal::no_led_near});
   }
   lit_ = lit;
-  for (const Patch& patch : patches) {
-    learn(patch);
-    learn_spread(patch);
-  }
-  learn_skirt(look, patches);
+  learn_from(look, patches);
   return out;
 }
 

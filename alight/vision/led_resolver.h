@@ -92,6 +92,7 @@ class LedResolver {
   /// Around one LED a picture: what the Gaussians leave there.
   void learn_skirt(const Look& look, const Patches& patches);
   void look_around(const Look& look, const Patches& patches, std::size_t led);
+  void learn_from(const Look& look, const Patches& patches);
   bool is_its_own(const Blob& blob, int led, const Vector2& blur_px) const;
 
   LedResolverConfig config_;

@@ -57,5 +57,17 @@ TEST(RelativeState, PoseHoldsItsParts) {
   EXPECT_LT((X.inverse() * (X * q) - q).norm(), 1e-15);
 }
 
+TEST(LargestSd, IsThatOfTheWidestAxisHoweverItIsTurned) {
+  Rng rng(3);
+  for (int i = 0; i < 50; ++i) {
+    const Vector3 sd(rng.uniform(0, 1), rng.uniform(0, 1), rng.uniform(0, 1));
+    const Vector3 turn(rng.normal(), rng.normal(), rng.normal());
+    const Matrix3 R = so3_exp(turn);
+    const Matrix3 cov = R * sd.cwiseAbs2().asDiagonal() * R.transpose();
+    EXPECT_NEAR(largest_sd(cov), sd.maxCoeff(), 1e-6);
+  }
+  EXPECT_EQ(largest_sd(Matrix3::Zero()), 0);
+}
+
 }  // namespace
 }  // namespace alight
