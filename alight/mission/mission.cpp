@@ -128,6 +128,7 @@ Mission::Mission(const MissionConfig& config, const Rig& rig)
       speed_max_(rig.limits.speed_m_s),
       unseen_lifting_(1e-3 * rig.timing.frame_to_use_ms + 2.5 / rig.timing.rate_hz),
       tilt_max_(rig.drone.tilt_max_deg * kDegree),
+      into_view_(rig, config_.search_point),
       quiet_deck_(config, rig),
       touch_down_(config, rig) {}
 
@@ -186,7 +187,8 @@ void Mission::go(MissionState to, const char* reason, const MissionInput& in,
       break;
     case MissionState::lost_target:
       blindness_ = in.blindness;
-      move_to(config_.search_point, config_.search_speed_m_s, in);
+      search_goal_ = into_view_.first_N(in.x.p_NB);
+      move_to(search_goal_, config_.search_speed_m_s, in);
       break;
     case MissionState::aborted:
       move_to(config_.safety.leave_at_m, config_.move_speed_m_s, in);
@@ -1062,6 +1064,10 @@ void Mission::lost_target(const MissionInput& in, Output& out) {
   if (why != blindness_ && to_seconds(in.now - told_) > kNotesApart) {
     blindness_ = why;
     note(words_for(blindness_).lost, in, out);
+  }
+  if (maneuver_.done(in.now) && search_goal_ != config_.search_point) {
+    search_goal_ = config_.search_point;
+    move_to(search_goal_, config_.search_speed_m_s, in);
   }
   // Pictures that come late still say where it was, if not whether it may land.
   const Seconds search = unseen(in) < kStillKnown ? config_.give_up_late_s

@@ -1,4 +1,5 @@
 #pragma once
+#include "alight/mission/into_view.h"
 #include "alight/mission/maneuver.h"
 #include "alight/mission/mission_config.h"
 #include "alight/mission/mission_input.h"
@@ -121,6 +122,7 @@ class Mission {
   double speed_max_;        // the drone's, m/s
   Seconds unseen_lifting_;  // at take-off: two pictures are missing
   double tilt_max_;
+  IntoView into_view_;
   MissionStatus status_;
   Maneuver maneuver_;
   Maneuver next_;  // takes over at next_from_
@@ -140,6 +142,7 @@ class Mission {
   Time failsafe_since_ = 0;
   Blindness blindness_ = Blindness::leds;  // as told last
   Time told_ = 0;                          // when the last note was made
+  Vector3 search_goal_ = Vector3::Zero();  // of a lost target
   bool seen_by_pilot_ = false;
   bool lateness_told_ = false;  // the computer's
   bool battery_low_ = false, battery_falling_ = false;

@@ -4,22 +4,9 @@
 #include <cmath>
 
 #include "alight/base/bounds.h"
+#include "alight/mission/into_view.h"
 
 namespace alight {
-namespace {
-
-constexpr double kBorderPx = 40;
-
-bool in_view(const Rig& rig, const Vector3& p_NB) {
-  for (int i = 0; i < rig.leds.size(); ++i) {
-    const auto uv =
-        project_led(rig.camera, make_pose(Matrix3::Identity(), p_NB), rig.leds.p_BL(i));
-    if (!uv || !rig.camera.intrinsics.contains(*uv, kBorderPx)) return false;
-  }
-  return true;
-}
-
-}  // namespace
 
 Result<void> MissionConfig::validate() const {
   if (auto good = check_bounds({
@@ -73,8 +60,7 @@ Result<void> MissionConfig::validate() const {
 
 MissionConfig places_for(MissionConfig config, const Rig& rig) {
   const Pose& X_NC = rig.camera.X_NC;
-  const double reach = X_NC.translation().head<2>().norm();
-  const double unit = std::max(reach, 2.5 * rig.drone.size_m);
+  const double unit = working_distance(rig);
   const auto on_axis = [&](double distance) {
     return Vector3(X_NC * Vector3(0, 0, distance * unit));
   };
@@ -87,7 +73,7 @@ MissionConfig places_for(MissionConfig config, const Rig& rig) {
     config.search_point = config.follow_point;
     for (double up = 0.05; up <= config.search_climb_m; up += 0.05) {
       const Vector3 higher = config.follow_point + Vector3(0, 0, up);
-      if (!in_view(rig, higher)) break;
+      if (!in_view(rig.camera, rig.leds, higher)) break;
       config.search_point = higher;
     }
   }
@@ -95,7 +81,8 @@ MissionConfig places_for(MissionConfig config, const Rig& rig) {
   if (config.take_off_height_m <= 0) {
     const double gear = rig.drone.gear_height_m;
     double height = gear;
-    while (height < gear + 0.3 && in_view(rig, Vector3(0, 0, height + 0.01))) {
+    while (height < gear + 0.3 &&
+           in_view(rig.camera, rig.leds, Vector3(0, 0, height + 0.01))) {
       height += 0.01;
     }
     config.take_off_height_m = std::max(gear + 0.08, height);

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "alight/mission/into_view.h"
 #include "alight/planning/planner.h"
 
 namespace alight {
@@ -539,6 +540,31 @@ TEST(Mission, TheSearchGetsFromAboveThePadToWhereItSearchesInTime) {
   ASSERT_EQ(f.state(), State::lost_target);
   const Vector3 goal = places_for({}, f.rig()).search_point;
   EXPECT_LT((f.x().p_NB - goal).norm(), 0.02);
+}
+
+// The wind takes it to the lens, where a climb would pass over the picture's edge.
+TEST(Mission, ADroneLostBesideTheLensGoesBackIntoThePictureBeforeItClimbs) {
+  MissionConfig config;
+  config.give_up_s = 6;
+  Flight f(config);
+  ASSERT_TRUE(f.reach(State::taken_off));
+  while (f.state() == State::taken_off && f.x().p_NB.z() < 0.2) f.step();
+  ASSERT_EQ(f.state(), State::taken_off);
+  const Rig& rig = f.rig();
+  f.off = Vector3(0.4, 0.2, 0);
+  f.sight = false;
+  ASSERT_TRUE(f.until(State::lost_target, 1));
+  f.off.setZero();
+  const Vector3 from = f.x().p_NB;
+  ASSERT_FALSE(in_view(rig.camera, rig.leds, from));
+  while (!in_view(rig.camera, rig.leds, f.x().p_NB) &&
+         f.state() == State::lost_target) {
+    f.step();
+  }
+  ASSERT_EQ(f.state(), State::lost_target);
+  EXPECT_LT(f.x().p_NB.z(), from.z() + 0.1);
+  f.run(4);
+  EXPECT_TRUE(f.x().p_NB.isApprox(places_for({}, rig).search_point, 1e-6));
 }
 
 TEST(Mission, ALostTargetThatStaysAwayIsLeftToTheAutopilot) {
