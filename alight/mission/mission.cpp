@@ -167,6 +167,7 @@ void Mission::go(MissionState to, const char* reason, const MissionInput& in,
   plan_tries_ = 0;
   committed_ = committed_ && to == MissionState::land;
   left_ = false;
+  for_want_of_sight_ = false;
   awaits_odometry_ = false;
   told_ = in.now;
   has_next_ = false;
@@ -1075,6 +1076,7 @@ void Mission::lost_target(const MissionInput& in, Output& out) {
                                                   : kShortSearch;
   if (in_state(in) > search || !in.estimate_valid) {
     go(MissionState::aborted, words_for(why).given_up, in, out);
+    for_want_of_sight_ = true;
   }
 }
 
@@ -1130,6 +1132,11 @@ void Mission::aborted(const MissionInput& in, Command& c, Output& out) {
   if (pilot_flies(in)) {
     seen_by_pilot_ = in_sight(in);
     go(MissionState::pilot, "the pilot has taken over", in, out);
+    return;
+  }
+  if (!left_ && for_want_of_sight_ && !abort_wanted_ && unseen(in) < kFreshSight) {
+    go(MissionState::go_around, "the LEDs are in sight again", in, out);
+    c.mode = Command::Mode::track;
     return;
   }
   // Why it was aborted stays told.

@@ -152,8 +152,9 @@ class Mission {
   int starts_ = 0;               // take-offs begun
   bool coming_down_ = false;     // sight was lost before the drone was known to fly
   Time coming_down_since_ = 0;
-  bool left_ = false;          // aborted: the autopilot has been told to land
-  bool waits_for_it_ = false;  // the platform, for a drone that lands by itself
+  bool left_ = false;               // aborted: the autopilot has been told to land
+  bool for_want_of_sight_ = false;  // aborted: nothing else was wrong
+  bool waits_for_it_ = false;       // the platform, for a drone that lands by itself
   Time left_alone_since_ = 0;
   bool alone_ = false;     // the autopilot or the pilot flies, or soon does:
   Seconds brakes_in_ = 0;  // the platform does, if not zero: they would meet, or the

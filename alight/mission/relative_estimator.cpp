@@ -242,7 +242,7 @@ bool RelativeEstimator::follow(const CameraFrame& frame, FrameReport& out,
   const bool missed = misses_ >= config_.misses_before_search || found_again_ ||
                       to_seconds(frame.captured - last_sight_) > kLongUnseen;
   const auto needed = static_cast<std::size_t>(missed ? config_.leds_after_misses : 0);
-  const double rms_max = usual_misfit_ > 0 ? exact_px()
+  const double rms_max = usual_misfit_ > 0 ? exact_px(X_NB.translation())
                          : fresh_          ? placed_rms_max_px(X_NB)
                                            : kAnyFit;
   if (config_.tell_apart && misses_ == 0 && !missed) {
@@ -260,7 +260,8 @@ bool RelativeEstimator::follow(const CameraFrame& frame, FrameReport& out,
   std::optional<LedFrame> held;
   if (config_.tell_apart) {
     const ProbeScope scope(probe, Stage::associate);
-    held = resolver_.hold(frame.color, *blobs, X_NB, cov, 3 * usual_rms_px(),
+    held = resolver_.hold(frame.color, *blobs, X_NB, cov,
+                          3 * usual_rms_px(X_NB.translation()),
                           {blur.data(), blur.size()}, frame.captured);
     if (held->seen.size() < needed) held.reset();
   }
@@ -305,17 +306,17 @@ bool RelativeEstimator::follow(const CameraFrame& frame, FrameReport& out,
   return filter_.last_update() != frame.captured && accept_held();
 }
 
-double RelativeEstimator::lens_distance() const {
-  const Vector3 p_CB = filter_.state().p_NB - camera_.X_NC.translation();
-  return std::max(p_CB.norm(), kNearestLens);
+double RelativeEstimator::lens_distance(const Vector3& p_NB) const {
+  return std::max((p_NB - camera_.X_NC.translation()).norm(), kNearestLens);
 }
 
-double RelativeEstimator::usual_rms_px() const {
-  return usual_misfit_ / lens_distance();
+double RelativeEstimator::usual_rms_px(const Vector3& p_NB) const {
+  return usual_misfit_ / lens_distance(p_NB);
 }
 
-double RelativeEstimator::exact_px() const {
-  return std::max(config_.search_rms_px, config_.search_rms_factor * usual_rms_px());
+double RelativeEstimator::exact_px(const Vector3& p_NB) const {
+  return std::max(config_.search_rms_px,
+                  config_.search_rms_factor * usual_rms_px(p_NB));
 }
 
 bool RelativeEstimator::well_known() const {
@@ -373,7 +374,7 @@ bool RelativeEstimator::accept(const LedFrame& leds, std::size_t agreeing,
   if (!out.tracked) out.why_not = "too few LEDs fit";
   if (out.tracked) remember_fit(leds.led_count(), out.reprojection_px);
   if (out.tracked && static_cast<std::size_t>(report->used) >= kTellingLeds) {
-    const double misfit = report->reprojection_px * lens_distance();
+    const double misfit = report->reprojection_px * lens_distance(filter_.state().p_NB);
     usual_misfit_ +=
         usual_misfit_ > 0 ? (misfit - usual_misfit_) / kUsualMemory : misfit;
     usual_misfit_ = std::max(usual_misfit_, misfit_least_);
@@ -384,7 +385,7 @@ bool RelativeEstimator::accept(const LedFrame& leds, std::size_t agreeing,
 
 void RelativeEstimator::remember_fit(int leds, double rms_px) {
   fitted_leds_ = leds;
-  if (leds > kFewLeds) fitted_misfit_ = rms_px * lens_distance();
+  if (leds > kFewLeds) fitted_misfit_ = rms_px * lens_distance(filter_.state().p_NB);
 }
 
 // What the pose owes to LEDs that are not where the rig says changes as they leave the
@@ -393,7 +394,7 @@ bool RelativeEstimator::would_jump(const LedFrame& leds) const {
   const int count = leds.led_count();
   return config_.tell_apart && !expecting_ && count < fitted_leds_ &&
          count < static_cast<int>(kTellingLeds) &&
-         fitted_misfit_ > kJumpPx * lens_distance();
+         fitted_misfit_ > kJumpPx * lens_distance(filter_.state().p_NB);
 }
 
 void RelativeEstimator::begin_anew() {

@@ -180,10 +180,11 @@ class RelativeEstimator {
   bool accept(const LedFrame& leds, std::size_t agreeing, double rms_max_px,
               FrameReport& out, Probe* probe);
   bool well_known() const;
-  /// A fit of LEDs is at least so exact, as far as has been seen.
-  double exact_px() const;
-  double usual_rms_px() const;
-  double lens_distance() const;
+  /// A fit of LEDs is at least so exact, as far as has been seen, for a drone there:
+  /// what LEDs are off by shows the more the nearer they are.
+  double exact_px(const Vector3& p_NB) const;
+  double usual_rms_px(const Vector3& p_NB) const;
+  double lens_distance(const Vector3& p_NB) const;
   /// The LEDs where they are expected: a fit with all but one of them in view.
   Result<FoundLeds> find_expected(BlobSpan blobs, Time t) const;
   /// Way of each LED's image during the exposure, px.

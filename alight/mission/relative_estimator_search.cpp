@@ -132,7 +132,8 @@ void RelativeEstimator::search(const CameraFrame& frame, const MotionSource& mot
   }
   if (fresh_ && filter_.initialized() &&
       accept(found->frame, found->frame.seen.size(),
-             std::max(exact_px(), found->fit.rms_px), out, probe)) {
+             std::max(exact_px(found->fit.X_NB.translation()), found->fit.rms_px), out,
+             probe)) {
     // Where it is now and where it was tell its speed.
     misses_ = 0;
     return;
@@ -221,8 +222,8 @@ void RelativeEstimator::go_on_from(const FoundLeds& found, Time t, FrameReport& 
   last_told_ = t;
   last_sight_ = t;
   if (config_.tell_apart && found.frame.seen.size() >= kTellingLeds) {
-    usual_misfit_ =
-        std::max({usual_misfit_, misfit_least_, found.fit.rms_px * lens_distance()});
+    usual_misfit_ = std::max(
+        {usual_misfit_, misfit_least_, found.fit.rms_px * lens_distance(x.p_NB)});
   }
   remember_fit(found.frame.led_count(), found.fit.rms_px);
   rivals_.clear();
@@ -263,8 +264,7 @@ bool RelativeEstimator::contradicted(const CameraFrame& frame, FrameReport& out,
            found->frame.seen.size() >= PoseDoubt::kFew &&
            !near(X_NB, found->fit.X_NB, config_.expected_within_m,
                  config_.expected_within_deg * kDegree) &&
-           found->fit.rms_px <= std::max(config_.search_rms_px,
-                                         config_.search_rms_factor * usual_rms_px());
+           found->fit.rms_px <= exact_px(found->fit.X_NB.translation());
   };
   if (!found || !contrary()) {
     resolver_ = as_followed;
@@ -333,7 +333,7 @@ bool RelativeEstimator::believable(const FoundLeds& found, Time t) {
     return true;
   }
   // Lamps that look like the constellation do so less exactly than the LEDs did.
-  if (usual_misfit_ > 0 && found.fit.rms_px > exact_px()) {
+  if (usual_misfit_ > 0 && found.fit.rms_px > exact_px(found.fit.X_NB.translation())) {
     confirmations_ = 0;
     return false;
   }

@@ -542,6 +542,26 @@ TEST(Mission, TheSearchGetsFromAboveThePadToWhereItSearchesInTime) {
   EXPECT_LT((f.x().p_NB - goal).norm(), 0.02);
 }
 
+TEST(Mission, ADroneThatIsGivenUpIsTakenBackWhenItIsSeenBeforeItIsLeft) {
+  Flight f;
+  ASSERT_TRUE(bring(f, State::lost_target));
+  ASSERT_TRUE(f.until(State::aborted, 8));
+  ASSERT_EQ(f.orders_land, 0);
+  f.sight = true;
+  f.run(0.1);
+  expect_last(f, State::aborted, State::go_around, "the LEDs are in sight again");
+  EXPECT_TRUE(f.until(State::land, 20));
+  EXPECT_EQ(f.orders_land, 0);
+
+  Flight told;
+  ASSERT_TRUE(bring(told, State::lost_target));
+  ASSERT_TRUE(told.until(State::aborted, 8));
+  told.wish = OperatorWish::abort;
+  told.sight = true;
+  told.run(1);
+  EXPECT_EQ(told.state(), State::aborted);
+}
+
 // The wind takes it to the lens, where a climb would pass over the picture's edge.
 TEST(Mission, ADroneLostBesideTheLensGoesBackIntoThePictureBeforeItClimbs) {
   MissionConfig config;
@@ -574,6 +594,7 @@ TEST(Mission, ALostTargetThatStaysAwayIsLeftToTheAutopilot) {
   ASSERT_TRUE(f.until(State::aborted, 8));
   EXPECT_EQ(f.reason(), "the LEDs stay out of sight: the autopilot lands");
   EXPECT_NEAR(to_seconds(f.now() - since), MissionConfig{}.give_up_s, 0.05);
+  while (f.orders_land == 0 && f.state() == State::aborted) f.step();
   f.sight = true;
   f.run(1);
   EXPECT_EQ(f.state(), State::aborted);
