@@ -230,14 +230,16 @@ class Rows:
         E_scale = np.linalg.norm(self.E, axis=1)
         c = np.zeros(count + 1)
         c[-1] = 1
-        found = linprog(c, A_ub=A, b_ub=self.b / scale, A_eq=E / E_scale[:, None],
-                        b_eq=self.e / E_scale, method="highs",
-                        bounds=[(None, None)] * count + [(-1e-3, None)],
-                        options={"primal_feasibility_tolerance": 1e-9,
-                                 "dual_feasibility_tolerance": 1e-9})
-        if not found.success:
-            raise RuntimeError(f"linear program: {found.message}")
-        return found.x[-1]
+        # At so small a tolerance one method now and then gives up where another does not.
+        for method in ("highs", "highs-ipm", "highs-ds"):
+            found = linprog(c, A_ub=A, b_ub=self.b / scale, A_eq=E / E_scale[:, None],
+                            b_eq=self.e / E_scale, method=method,
+                            bounds=[(None, None)] * count + [(-1e-3, None)],
+                            options={"primal_feasibility_tolerance": 1e-9,
+                                     "dual_feasibility_tolerance": 1e-9})
+            if found.success:
+                return found.x[-1]
+        raise RuntimeError(f"linear program: {found.message}")
 
 
 def bernstein(points, u):
