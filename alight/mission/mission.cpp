@@ -1134,7 +1134,10 @@ void Mission::aborted(const MissionInput& in, Command& c, Output& out) {
     go(MissionState::pilot, "the pilot has taken over", in, out);
     return;
   }
-  if (!left_ && for_want_of_sight_ && !abort_wanted_ && unseen(in) < kFreshSight) {
+  // Lower it may have touched something, and what stands there had better stay.
+  const bool flies = in.x.p_NB.z() > gear_height_ + config_.commit_height_m;
+  if (!left_ && for_want_of_sight_ && !abort_wanted_ && flies &&
+      unseen(in) < kFreshSight) {
     go(MissionState::go_around, "the LEDs are in sight again", in, out);
     c.mode = Command::Mode::track;
     return;

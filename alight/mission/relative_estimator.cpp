@@ -17,6 +17,9 @@ constexpr double kJumpPx = 1;
 // Unseen for so long, be it that no picture came, the drone may not be where the
 // prediction has it.
 constexpr Seconds kLongUnseen = 0.15;
+// Standard deviation of the place from which a prediction does not tell LEDs from
+// lamps.
+constexpr double kVaguePlace_m = 0.15;
 // So many pictures in a row, each another than the one before: the camera has noise, or
 // what it sees moves. More than a drone that was put down takes to come to rest.
 constexpr int kNoisyPictures = 30;
@@ -241,7 +244,11 @@ bool RelativeEstimator::follow(const CameraFrame& frame, FrameReport& out,
   found_again_ = found_again_ && filter_.velocity_sd() > config_.known_sd_m_s;
   const bool missed = misses_ >= config_.misses_before_search || found_again_ ||
                       to_seconds(frame.captured - last_sight_) > kLongUnseen;
-  const auto needed = static_cast<std::size_t>(missed ? config_.leds_after_misses : 0);
+  // Four lamps always lie as four LEDs do, somewhere within half a metre.
+  const int again = filter_.position_sd() > kVaguePlace_m
+                        ? std::max(config_.search_leds, config_.leds_after_misses)
+                        : config_.leds_after_misses;
+  const auto needed = static_cast<std::size_t>(missed ? again : 0);
   const double rms_max = usual_misfit_ > 0 ? exact_px(X_NB.translation())
                          : fresh_          ? placed_rms_max_px(X_NB)
                                            : kAnyFit;
@@ -297,8 +304,7 @@ bool RelativeEstimator::follow(const CameraFrame& frame, FrameReport& out,
     if (enough || filter_.last_update() == frame.captured) return enough;
     held.reset();
   }
-  if (missed && (by_blobs < config_.leds_after_misses ||
-                 !accept(leds, needed, rms_max, out, probe))) {
+  if (missed && (by_blobs < again || !accept(leds, needed, rms_max, out, probe))) {
     out.why_not = "too few LEDs to be sure";
     return false;
   }

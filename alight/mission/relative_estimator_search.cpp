@@ -338,15 +338,17 @@ bool RelativeEstimator::believable(const FoundLeds& found, Time t) {
     return false;
   }
   const Seconds unseen = to_seconds(t - last_sight_);
+  const auto lights = static_cast<int>(found.frame.seen.size());
   if (near(filter_.state().X_NB(), found.fit.X_NB,
            config_.search_gate_m + config_.search_drift_m_s * unseen,
            config_.search_turn_deg * kDegree)) {
-    // Among many lamps four lie by chance as four LEDs may.
-    if (found.frame.led_count() < config_.search_leds) return confirmed(found.fit.X_NB);
+    // Among many lamps four lie by chance as four LEDs may, or as more that run
+    // together.
+    if (lights < config_.search_leds) return confirmed(found.fit.X_NB);
     confirmations_ = 0;
     return true;
   }
-  return found.frame.led_count() >= config_.search_leds && confirmed(found.fit.X_NB);
+  return lights >= config_.search_leds && confirmed(found.fit.X_NB);
 }
 
 // Telemetry tells how it leans however long it is out of sight. Lamps that look like

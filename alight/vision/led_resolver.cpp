@@ -19,6 +19,10 @@ constexpr std::size_t kSureLeds = 3;   // with blobs of their own, before dim on
 constexpr double kGoodChi2 = 3;        // per pixel; a worse fit is tried again
 constexpr double kStrangerReach = 15;  // px around the constellation
 constexpr double kNoiseLeast = 0.1, kNoiseMost = 4;  // of chi2 per pixel
+// From so many times its usual value on it is no noise: the edge of something that
+// covers part of a light leaves residuals side by side, which pull it by as much more,
+// at most.
+constexpr double kEdge = 4, kEdgePull2 = 6;
 constexpr int kHoldMargin = 1;        // px around a lamp that its light reaches
 constexpr double kHoldGate = 3;       // standard deviations, besides
 constexpr double kHoldSlack = 0.4;    // px
@@ -175,8 +179,11 @@ void LedResolver::add(const Patch& patch, BlobSpan blobs, const Assignment& matc
     return GroupMatrix(
         llt.solve(GroupMatrix::Identity(information.rows(), information.cols())));
   };
+  const double usual = std::max(noise_, kNoiseLeast);
+  const double pull2 =
+      std::clamp(fit.chi2_per_pixel / (kEdge * usual), 1.0, kEdgePull2);
   const GroupMatrix measured =
-      fit.information / std::max({fit.chi2_per_pixel, noise_, kNoiseLeast});
+      fit.information / (pull2 * std::max(fit.chi2_per_pixel, usual));
   const GroupMatrix cov_all = marginals(measured);
   FixedVector<int, kMaxGroup> keep;
   for (int k = 0; k < fit.count; ++k) {

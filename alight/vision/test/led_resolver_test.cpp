@@ -106,6 +106,41 @@ TEST(LedResolver, AnLedThatIsDarkIsLeftOut) {
   EXPECT_LE(ghosts, 0.03 * followed);
 }
 
+// Behind the edge of what covers part of the picture.
+TEST(LedResolver, AnLedThatIsHalfCoveredSaysHowVaguelyItIsPlaced) {
+  Rng rng(5);
+  int seen = 0;
+  double normalized = 0, off = 0;
+  for (int run = 0; run < 200; ++run) {
+    Scene scene(rng, 0.6, 1.2);
+    LedResolver resolver = scene.resolver();
+    const std::span<const Vector2> still(scene.still.data(), scene.still.size());
+    if (!resolver.follow(scene.picture.view(), scene.blobs(), scene.X_NB, 2.5, still,
+                         0)) {
+      continue;
+    }
+    const int led = run % scene.rig.leds.size();
+    const Vector2 uv =
+        *project_led(scene.rig.camera, scene.X_NB, scene.rig.leds.p_BL(led));
+    scene.picture.cover_left_of(static_cast<int>(std::lround(uv.x())), uv, 6);
+    const auto frame =
+        resolver.follow(scene.picture.view(), scene.blobs(), scene.X_NB, 2.5, still, 1);
+    if (!frame) continue;
+    for (const LedObservation& o : frame->seen) {
+      if (o.leds != (1u << led)) continue;
+      const Vector2 e =
+          *project_observation(scene.rig.camera, scene.X_NB, scene.rig.leds, o.leds) -
+          o.uv;
+      ++seen;
+      off += e.norm();
+      normalized += e.dot(o.cov.inverse() * e);
+    }
+  }
+  ASSERT_GT(seen, 60);
+  EXPECT_GT(off / seen, 0.2);         // px: what is left of its light misleads,
+  EXPECT_LT(normalized / seen, 6.0);  // and its covariance, of 2, says so
+}
+
 TEST(LedResolver, ALightNearbyThatMayBeTheMissingLedIsSomebodyElsesTask) {
   Rng rng(3);
   int handed_on = 0;

@@ -50,6 +50,17 @@ struct Picture {
     }
     return view();
   }
+  /// What stands beside column `u` on the left, within `reach` of `uv`, is dark.
+  void cover_left_of(int u, const Vector2& uv, int reach) {
+    const int middle_u = static_cast<int>(uv.x()), middle_v = static_cast<int>(uv.y());
+    for (int v = middle_v - reach; v <= middle_v + reach; ++v) {
+      for (int w = middle_u - reach; w < u; ++w) {
+        for (int c = 0; c < channels; ++c) {
+          bytes[static_cast<std::size_t>((v * width + w) * channels + c)] = 3;
+        }
+      }
+    }
+  }
   ImageView view() const {
     return {bytes.data(), width, height, channels,
             static_cast<std::ptrdiff_t>(width) * channels};
