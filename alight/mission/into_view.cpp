@@ -6,6 +6,9 @@ namespace alight {
 namespace {
 
 constexpr double kBorderPx = 40;
+// So far below where it is thought to be a drone may sink in half a second unseen, m.
+constexpr double kRoom = 0.12;
+constexpr double kStep = 0.02;  // m
 
 }  // namespace
 
@@ -37,7 +40,15 @@ Vector3 IntoView::first_N(const Vector3& p_NB) const {
   const double along = axis_N.dot(p_NB - lens_N);
   Vector3 middle = lens_N + std::clamp(along, nearest_, farthest) * axis_N;
   middle.z() = std::max(middle.z(), p_NB.z());
-  return in_view(camera_, leds_, middle) ? middle : end_N_;
+  if (!in_view(camera_, leds_, middle)) return end_N_;
+  const double highest = std::max(middle.z(), p_NB.z() + kRoom);
+  while (middle.z() < highest) {
+    const Vector3 higher =
+        middle + Vector3(0, 0, std::min(kStep, highest - middle.z()));
+    if (!in_view(camera_, leds_, higher)) break;
+    middle = higher;
+  }
+  return middle;
 }
 
 }  // namespace alight

@@ -18,8 +18,8 @@ class IntoView {
   IntoView(const Rig& rig, const Vector3& end_N);
 
   /// Where in N a drone believed at p_NB goes first: to the middle of the picture, at
-  /// its own height or higher; or at once to the end, if it is in the picture already
-  /// or that middle is not.
+  /// its own height or somewhat higher, as far as that is in view; or at once to the
+  /// end, if it is in the picture already or that middle is not.
   Vector3 first_N(const Vector3& p_NB) const;
 
  private:

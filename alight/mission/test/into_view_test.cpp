@@ -63,7 +63,7 @@ TEST(IntoView, FromBesideTheLensItComesIntoThePictureSooner) {
     if (in_view(rig.camera, rig.leds, p)) continue;
     const double straight = unseen_way(rig, p, end);
     const double by_middle = unseen_way(rig, p, into_view.first_N(p));
-    EXPECT_LT(by_middle, straight + 0.02) << p.transpose();
+    EXPECT_LT(by_middle, straight + 0.1) << p.transpose();
     shares.push_back(by_middle / straight);
   }
   std::nth_element(shares.begin(), shares.begin() + 150, shares.end());

@@ -582,7 +582,7 @@ TEST(Mission, ADroneLostBesideTheLensGoesBackIntoThePictureBeforeItClimbs) {
     f.step();
   }
   ASSERT_EQ(f.state(), State::lost_target);
-  EXPECT_LT(f.x().p_NB.z(), from.z() + 0.1);
+  EXPECT_LT(f.x().p_NB.z(), from.z() + 0.15);
   f.run(4);
   EXPECT_TRUE(f.x().p_NB.isApprox(places_for({}, rig).search_point, 1e-6));
 }
