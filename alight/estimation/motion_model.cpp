@@ -22,10 +22,13 @@ MotionState extrapolate(const MotionState& state, const PredictionInput& input,
   }
 
   // a = a_0 + A_p p + A_v v + d + b, and its rate.
-  const Vector3 unknown_N = state.disturbance_N(input.lift_N);
+  const Vector3 unknown_N = model.drag
+                                ? Vector3(state.d_N - state.b_N.cwiseProduct(v_NB))
+                                : state.disturbance_N(input.lift_N);
   const Matrix3 W = hat(w);
   const Matrix3 A_p = -W * W - hat(platform.alpha_IN_N);
-  const Matrix3 A_v = -2 * W;
+  Matrix3 A_v = -2 * W;
+  if (model.drag) A_v.diagonal() -= state.b_N;
   const Vector3 a_NB = relative_acceleration(platform, p_NB, v_NB,
                                              f_N + unknown_N + gravity_N(platform));
   const double fade = 1 / model.memory_s;
@@ -47,11 +50,15 @@ MotionState extrapolate(const MotionState& state, const PredictionInput& input,
     const Matrix3 I = Matrix3::Identity();
     // The jerk's derivatives through a, v, d and b.
     const Matrix3 J_p = A_v * A_p;
-    const Matrix3 J_v = A_v * A_v + A_p;
+    Matrix3 J_v = A_v * A_v + A_p;
     const Matrix3 J_b = A_v - fade * I;
     const Matrix3 J_d = J_b - W;
     Matrix3 B = I;  // what b acts along
     B.col(2) = input.lift_N;
+    if (model.drag) {
+      B = (-v_NB).asDiagonal();
+      J_v.diagonal() += fade * state.b_N;
+    }
     F->setZero();
     F->block<3, 3>(0, 0) = I + A_p * dt2;
     F->block<3, 3>(0, 6) = I * dt + A_v * dt2;
@@ -62,6 +69,7 @@ MotionState extrapolate(const MotionState& state, const PredictionInput& input,
     F->block<3, 3>(6, 6) = I + A_v * dt + J_v * dt2;
     F->block<3, 3>(6, 9) = I * dt + J_d * dt2;
     F->block<3, 3>(6, 12) = (I * dt + J_b * dt2) * B;
+    if (model.drag) F->block<3, 3>(6, 12).diagonal() -= a_NB * dt2;
     F->block<3, 3>(9, 9) = turn_d;
     F->block<3, 3>(12, 12) = kept * I;
     if (model.force == ProcessModel::hover) {
@@ -74,9 +82,10 @@ MotionState extrapolate(const MotionState& state, const PredictionInput& input,
   return next;
 }
 
-Matrix15 process_covariance(const ProcessNoise& noise, Seconds dt, const Vector3& z_N) {
-  // Integrals of the chains d -> v -> p and b -> v -> p; the turn of the axes and the
-  // fading within dt are left out.
+Matrix15 process_covariance(const ProcessNoise& noise, Seconds dt, const Vector3& z_N,
+                            bool drag) {
+  // Integrals of the chains d -> v -> p and b -> v -> p; the turn of the axes, the
+  // fading within dt and what drag has changed by its end are left out.
   const double qa = noise.acceleration * noise.acceleration;
   const double qb = noise.bias * noise.bias;
   const double qr = noise.rate * noise.rate;
@@ -86,7 +95,7 @@ Matrix15 process_covariance(const ProcessNoise& noise, Seconds dt, const Vector3
   for (int i = 0; i < 3; ++i) {
     const double wind = i < 2 ? noise.disturbance : noise.updraught;
     const double qd = wind * wind;
-    const double q = qd + qb;
+    const double q = drag ? qd : qd + qb;
     const double pp = qa * dt3 / 3 + q * dt3 * dt2 / 20;
     const double pv = qa * dt2 / 2 + q * dt2 * dt2 / 8;
     const double vv = qa * dt + q * dt3 / 3;
@@ -98,6 +107,7 @@ Matrix15 process_covariance(const ProcessNoise& noise, Seconds dt, const Vector3
     Q(i, 9 + i) = Q(9 + i, i) = qd * p_1;
     Q(6 + i, 9 + i) = Q(9 + i, 6 + i) = qd * v_1;
     Q(12 + i, 12 + i) = qb * dt;
+    if (drag) continue;
     Q(i, 12 + i) = Q(12 + i, i) = qb * p_1;
     Q(6 + i, 12 + i) = Q(12 + i, 6 + i) = qb * v_1;
   }
@@ -110,9 +120,10 @@ Matrix15 process_covariance(const ProcessNoise& noise, Seconds dt, const Vector3
     both(0, 0, dt3 * dt2 / 20);
     both(0, 6, dt2 * dt2 / 8);
     both(6, 6, dt3 / 3);
-    both(0, 12, p_1);
-    both(6, 12, v_1);
-    both(12, 12, dt);
+    const int at = drag ? 9 : 12;
+    both(0, at, p_1);
+    both(6, at, v_1);
+    both(at, at, dt);
   }
   return Q;
 }

@@ -33,6 +33,9 @@ struct MotionModel {
   /// d and b fade with this time constant, s (infinity: never). It bounds what cannot
   /// be told while N does not turn: their difference.
   Seconds memory_s = 30;
+  /// b is the drone's drag instead: it slows v_NB by a share of itself, 1/s along each
+  /// axis of N. What else changes is then all in d, ProcessNoise::thrust too.
+  bool drag = false;
 };
 
 /// The state with the acceleration that the model does not know, in N, m/s^2, in two
@@ -45,6 +48,7 @@ struct MotionState {
   Vector3 d_N = Vector3::Zero();
   Vector3 b_N = Vector3::Zero();
 
+  /// Unless MotionModel::drag.
   Vector3 disturbance_N(const Vector3& lift_N = Vector3::UnitZ()) const {
     return d_N + Vector3(b_N.x(), b_N.y(), 0) + b_N.z() * lift_N;
   }
@@ -58,8 +62,9 @@ struct ProcessNoise {
   double acceleration = 0.1;
   double disturbance = 1.7;  ///< random walk of d_N, m/s^3 per sqrt(Hz),
   double updraught = 0.3;    ///< of its z: wind blows along the ground
-  double bias = 0.9;         ///< random walk of b_N, m/s^3 per sqrt(Hz),
-  double thrust = 1.7;       ///< and besides along z of B, where thrust changes
+  /// random walk of b_N, m/s^3 per sqrt(Hz); of a drag, 1/s^2 per sqrt(Hz)
+  double bias = 0.9;
+  double thrust = 1.7;  ///< and besides along z of B, where thrust changes
   /// random walk of the rate of turn that w_NB_B lacks, rad/s^2 per sqrt(Hz); 0: it is
   /// not estimated.
   double turn = 0;
@@ -69,10 +74,11 @@ struct ProcessNoise {
 ///   p' = v,  R' = R hat(w_NB_B),  d' = -w_IN x d - d / tau,  b' = -b / tau
 ///   v' = f_N + d + (b_x, b_y, 0) + b_z lift_N + R_NI g - a_IN - 2 w x v - w x (w x p)
 ///   - alpha x p
-/// with f_N and tau by `model`. The paper's eqn:RSE_predict1 is `hover` with d = b = 0,
-/// a platform at rest and w_NB_B = 0. Second order in dt (the paper: first); at 10 ms
-/// and the rates of a landing the rest is below a micrometre, at 50 ms below a tenth of
-/// a millimetre. `F`, when given, receives the derivative by the tangent.
+/// or with -b v (by axis) for the two terms of b, as MotionModel::drag says; with f_N
+/// and tau by `model`. The paper's eqn:RSE_predict1 is `hover` with d = b = 0, a
+/// platform at rest and w_NB_B = 0. Second order in dt (the paper: first); at 10 ms and
+/// the rates of a landing the rest is below a micrometre, at 50 ms below a tenth of a
+/// millimetre. `F`, when given, receives the derivative by the tangent.
 MotionState extrapolate(const MotionState& state, const PredictionInput& input,
                         Seconds dt, const MotionModel& model = {},
                         Matrix15* F = nullptr);
@@ -80,7 +86,7 @@ MotionState extrapolate(const MotionState& state, const PredictionInput& input,
 /// Covariance that `noise` adds over `dt` s >= 0, short against MotionModel::memory_s.
 /// `z_N` is z of B in N. ProcessNoise::turn is not in it.
 Matrix15 process_covariance(const ProcessNoise& noise, Seconds dt,
-                            const Vector3& z_N = Vector3::UnitZ());
+                            const Vector3& z_N = Vector3::UnitZ(), bool drag = false);
 
 /// x [+] d and a [-] b with the disturbances.
 MotionState boxplus(const MotionState& state, const Vector15& d);

@@ -24,11 +24,9 @@ constexpr Seconds kTurnMemory = 1;     // drones do not go on turning
 // process noise grow at once with what pictures find improbable; one that moves more
 // evenly makes it shrink, picture by picture.
 constexpr double kRestlessLeast = 0.003, kRestlessMost = 100;
-// Drag follows the speed, however evenly a drone moves: the disturbances' noise shrinks
-// less.
-constexpr double kDragLeast = 0.03;
-constexpr double kImprobable = 2;      // mean NIS, 1 by the model
-constexpr double kRestlessGain = 0.1;  // share of what it is off that counts at once
+constexpr double kRestlessFirst = 0.03;  // of a drone's flight
+constexpr double kImprobable = 2;        // mean NIS, 1 by the model
+constexpr double kRestlessGain = 0.1;    // share of what it is off that counts at once
 // Six LEDs show six directions of their errors. What is learnt from these varies; the
 // mean of 1 / chi^2 of six degrees of freedom is 1.5 / 6.
 constexpr double kLedCaution = 1.2247;  // sqrt(1.5)
@@ -161,7 +159,7 @@ void RelativeFilter::reset(Time t, const RelativeState& x,
     if (config_.learn_from_residuals) watch_fit(*taken_from);
   }
   turn_ = unknown_turn();
-  restless_ = 1;
+  restless_ = config_.noise.turn > 0 ? kRestlessFirst : 1;
   updates_ = 0;
   measured_v_NB_ = x.v_NB;
 }
@@ -215,17 +213,21 @@ Result<void> RelativeFilter::predict_to(Time t, const PredictionInput& given) {
   if (!config_.estimate_disturbance) {
     noise.disturbance = noise.updraught = noise.bias = noise.thrust = 0;
   }
-  const double drag = std::sqrt(std::max(1.0, kDragLeast / restless_));
-  noise.disturbance *= drag;
-  noise.updraught *= drag;
-  noise.bias *= drag;
+  const double share = std::sqrt(restless_);
+  for (double* of : {&noise.rate, &noise.acceleration, &noise.disturbance,
+                     &noise.updraught, &noise.thrust, &noise.turn}) {
+    *of *= share;
+  }
+  // However a drone moves, its drag is its own.
+  if (!config_.estimate_drag) noise.bias *= share;
   const Transition transition(F);
-  Matrix15 P = transition.carry(P_) +
-               restless_ * process_covariance(noise, dt, state_.x.R_NB.col(2));
+  Matrix15 P =
+      transition.carry(P_) +
+      process_covariance(noise, dt, state_.x.R_NB.col(2), config_.estimate_drag);
   P.diagonal().head<9>().array() += config_.variance_per_frame * dt / kFrame;
-  const TurnRate turn = noise.turn > 0 ? predict_turn(dt, F, P) : turn_;
+  const TurnRate turn = noise.turn > 0 ? predict_turn(dt, noise.turn, F, P) : turn_;
   if (!P.allFinite() || !next.x.p_NB.allFinite() || !next.x.R_NB.allFinite() ||
-      !next.x.v_NB.allFinite() || !next.disturbance_N().allFinite()) {
+      !next.x.v_NB.allFinite() || !next.d_N.allFinite() || !next.b_N.allFinite()) {
     return fail(Fault::invalid_input);
   }
   if (P.diagonal().head<3>().maxCoeff() > kLost * kLost) {
@@ -246,7 +248,8 @@ RelativeFilter::TurnRate RelativeFilter::unknown_turn() {
   return turn;
 }
 
-RelativeFilter::TurnRate RelativeFilter::predict_turn(Seconds dt, const Matrix15& F,
+RelativeFilter::TurnRate RelativeFilter::predict_turn(Seconds dt, double noise,
+                                                      const Matrix15& F,
                                                       Matrix15& P) const {
   // R turns by the rate: P += F C' B' + B C F' + B W B', with B = dt in the rows of R.
   const Eigen::Matrix<double, 15, 3> carried = F * turn_.cross.transpose();
@@ -254,7 +257,7 @@ RelativeFilter::TurnRate RelativeFilter::predict_turn(Seconds dt, const Matrix15
   P.middleRows<3>(3) += dt * carried.transpose();
   P.block<3, 3>(3, 3) += dt * dt * turn_.P;
   const double kept = std::exp(-dt / kTurnMemory);
-  const double q2 = restless_ * config_.noise.turn * config_.noise.turn;
+  const double q2 = noise * noise;
   TurnRate next;
   next.w = kept * turn_.w;
   next.cross = kept * carried.transpose();
@@ -286,8 +289,7 @@ void RelativeFilter::learn_restlessness() {
   double sum = 0;
   for (const ObservationReport& o : report_.seen) sum += o.nis;
   const double mean = sum / (2 * report_.used);  // 1 by the model
-  const double gain = std::max(kRestlessGain, 1.0 / (updates_ + 1));
-  const double factor = mean > kImprobable ? mean : 1 + gain * (mean - 1);
+  const double factor = mean > kImprobable ? mean : 1 + kRestlessGain * (mean - 1);
   restless_ = std::clamp(factor * restless_, kRestlessLeast, kRestlessMost);
 }
 

@@ -91,8 +91,10 @@ class RelativeFilter {
   Time last_update() const { return last_update_; }
   const RelativeState& state() const { return state_.x; }
   const MotionState& motion_state() const { return state_; }
-  /// Acceleration the inputs do not explain, d + b, in N, m/s^2.
-  Vector3 disturbance_N() const { return state_.disturbance_N(); }
+  /// Acceleration the inputs do not explain, d + b, in N, m/s^2; drag left out.
+  Vector3 disturbance_N() const {
+    return config_.estimate_drag ? state_.d_N : state_.disturbance_N();
+  }
 
   /// Of state() against the truth: the filter's own and the share of the rig's constant
   /// errors (LEDs, mount, focal length), which stays however long one looks.
@@ -130,7 +132,7 @@ class RelativeFilter {
         Eigen::Matrix<double, 3, 15>::Zero();  ///< Covariance with the state.
   };
   static TurnRate unknown_turn();
-  TurnRate predict_turn(Seconds dt, const Matrix15& F, Matrix15& P) const;
+  TurnRate predict_turn(Seconds dt, double noise, const Matrix15& F, Matrix15& P) const;
   void learn_turn(const MotionState& next, const Matrix15& P);
   void learn_restlessness();
   void learn_velocity();

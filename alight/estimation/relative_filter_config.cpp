@@ -96,16 +96,17 @@ RelativeFilterConfig RelativeFilterConfig::camera_only() {
   c.model = ProcessModel::hover;
   // A drone's force lies along z of B, so that its attitude tells of its acceleration;
   // how large it is, and how fast the drone turns, changes within tenths of a second,
-  // drag within seconds.
+  // its drag hardly.
+  c.estimate_drag = true;
   c.noise = {.rate = 0.02,
-             .acceleration = 0.1,
-             .disturbance = 0.4,
-             .updraught = 0.4,
-             .bias = 0.4,
+             .acceleration = 0.02,
+             .disturbance = 0.55,
+             .updraught = 0.55,
+             .bias = 0.02,
              .thrust = 2.5,
              .turn = 2};
   c.updraught_sd = c.disturbance_sd;
-  c.lift_sd = c.bias_sd;
+  c.bias_sd = c.lift_sd = 0.2;
   c.pixel_sd_px = 0.005;
   // The pose against the camera: where that stands, its pictures do not tell.
   c = c.with_perfect_rig();

@@ -13,10 +13,11 @@ struct RelativeFilterConfig {
                                 ///< and gravity (0, 0, -9.81) in N, as in the paper.
   bool estimate_disturbance = true;  ///< d_N and b_N as states; else they stay zero.
   double disturbance_memory_s = 30;  ///< MotionModel::memory_s.
+  bool estimate_drag = false;        ///< MotionModel::drag.
   ProcessNoise noise;
   double disturbance_sd = 1.2;  ///< d_N at reset, m/s^2,
   double updraught_sd = 0.2;    ///< its z.
-  double bias_sd = 0.6;         ///< b_N at reset, m/s^2,
+  double bias_sd = 0.6;         ///< b_N at reset, m/s^2 (a drag: 1/s),
   double lift_sd = 1.3;         ///< its z: an eighth of the thrust.
   /// Added besides `noise`: variance of every component of (p, R, v), m^2, rad^2,
   /// (m/s)^2, per 1/60 s, in proportion to time.
@@ -57,7 +58,7 @@ struct RelativeFilterConfig {
   double gate_chi2 = 16;  ///< Largest NIS of one observation (2 dof); 0: no gate.
   double huber_sd = 3;    ///< Residuals beyond weigh less; 0: quadratic throughout.
 
-  MotionModel motion() const { return {model, disturbance_memory_s}; }
+  MotionModel motion() const { return {model, disturbance_memory_s, estimate_drag}; }
 
   Result<void> validate() const;
 

@@ -44,7 +44,7 @@ TEST_P(BothModels, JacobianAgreesWithDifferences) {
     const auto s = random_state(rng);
     const double dt = rng.uniform(-0.02, 0.1);
     Matrix15 F;
-    const MotionModel model{GetParam(), trial % 2 == 0 ? 30.0 : 1.0};
+    const MotionModel model{GetParam(), trial % 2 == 0 ? 30.0 : 1.0, trial % 3 == 0};
     extrapolate(s, u, dt, model, &F);
     const double h = 1e-5;
     for (int i = 0; i < 15; ++i) {
@@ -64,8 +64,9 @@ TEST_P(BothModels, OneStepAgreesWithManySmallOnes) {
     u.w_NB_B *= 0.3;
     const auto s = random_state(rng);
     MotionState fine = s;
-    for (int i = 0; i < 1000; ++i) fine = extrapolate(fine, u, 1e-5, {GetParam()});
-    const Vector15 d = boxminus(extrapolate(s, u, 0.01, {GetParam()}), fine);
+    const MotionModel model{.force = GetParam(), .drag = trial % 2 == 0};
+    for (int i = 0; i < 1000; ++i) fine = extrapolate(fine, u, 1e-5, model);
+    const Vector15 d = boxminus(extrapolate(s, u, 0.01, model), fine);
     EXPECT_LT(d.head<3>().norm(), 2e-5);
     EXPECT_LT(d.segment<3>(3).norm(), 1e-9);
     EXPECT_LT(d.segment<3>(6).norm(), 1e-4);
@@ -141,6 +142,17 @@ TEST(MotionModel, ThrustThatIsLackingLacksWhereverItPoints) {
   EXPECT_LT((x.v_NB - 0.2 * Vector3(2.7, -0.9, -0.1 * kGravity)).norm(), 1e-12);
 }
 
+TEST(MotionModel, DragSlowsByAShareOfTheSpeed) {
+  MotionState s;
+  s.x.v_NB = {2, -1, 0.5};
+  s.b_N = {0.3, 0.3, 0};
+  const MotionModel model{
+      .force = ProcessModel::hover, .memory_s = kForever, .drag = true};
+  for (int i = 0; i < 100; ++i) s = extrapolate(s, {}, 0.01, model);
+  const double kept = std::exp(-0.3);
+  EXPECT_LT((s.x.v_NB - Vector3(2 * kept, -kept, 0.5)).norm(), 1e-4);
+}
+
 TEST(MotionModel, WindStaysInIAndBiasInN) {
   PredictionInput u;
   u.platform.w_IN_N = {0, 0, 0.6};
@@ -158,14 +170,18 @@ TEST(MotionModel, WindStaysInIAndBiasInN) {
 TEST(MotionModel, ProcessCovarianceAddsUpOverSteps) {
   const ProcessNoise noise{.disturbance = 0.9, .bias = 0.4};
   PredictionInput u;
-  Matrix15 F;
-  extrapolate(MotionState{}, u, 0.01, {.memory_s = kForever}, &F);
-  Matrix15 P = Matrix15::Zero();
-  for (int i = 0; i < 10; ++i) {
-    P = F * P * F.transpose() + process_covariance(noise, 0.01);
+  u.f_N = {0, 0, kGravity};
+  const Vector3 z_N = Vector3(0.2, 0.1, 1).normalized();
+  for (const bool drag : {false, true}) {
+    Matrix15 F;
+    extrapolate(MotionState{}, u, 0.01, {.memory_s = kForever, .drag = drag}, &F);
+    Matrix15 P = Matrix15::Zero();
+    for (int i = 0; i < 10; ++i) {
+      P = F * P * F.transpose() + process_covariance(noise, 0.01, z_N, drag);
+    }
+    const Matrix15 whole = process_covariance(noise, 0.1, z_N, drag);
+    EXPECT_LT((P - whole).norm(), 1e-9 * whole.norm()) << drag;
   }
-  const Matrix15 whole = process_covariance(noise, 0.1);
-  EXPECT_LT((P - whole).norm(), 1e-9 * whole.norm());
 }
 
 }  // namespace

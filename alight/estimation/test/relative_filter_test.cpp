@@ -338,6 +338,73 @@ TEST(RelativeFilter, LearnsTheRateOfTurnThatNobodyTells) {
   EXPECT_GT(off_after_blackout(config), 10 * kDegree);
 }
 
+struct DragFlight {
+  double speed_rms = 0, speed_nees = 0;
+  Vector3 drag_N = Vector3::Zero();
+};
+
+/// A drone with drag that leans to and fro for ten seconds; the last six count.
+DragFlight fly_with_drag(double drag, bool estimate, std::uint64_t seed) {
+  const Rig rig = alan_rig();
+  RelativeFilterConfig config = RelativeFilterConfig::camera_only();
+  config.estimate_drag = estimate;
+  if (!estimate) config.bias_sd = config.lift_sd = config.noise.bias = 0.4;
+  RelativeFilter filter = RelativeFilter::create(config, rig.camera, rig.leds).value();
+  Rng rng(seed);
+  const double phase = rng.uniform(0, 2 * kPi), pace = rng.uniform(1.5, 2.5);
+  const auto lean = [&](double t) {
+    return from_rpy(0.15 * std::sin(pace * t + phase), 0.1 * std::sin(0.8 * pace * t),
+                    0);
+  };
+  MotionState truth;
+  truth.x.p_NB = Vector3(-1.1, 0.15 * std::sin(phase), 0.6);
+  truth.x.R_NB = lean(0);
+  truth.x.v_NB = kGravity / pace * Vector3(-0.1 / 0.8, 0.15 * std::cos(phase), 0);
+  truth.b_N = Vector3::Constant(drag);
+  const MotionModel flown{.force = ProcessModel::hover, .memory_s = 1e6, .drag = true};
+  filter.reset(0, truth.x, start_covariance());
+  DragFlight flight;
+  constexpr int kFrames = 600, kFrom = 240, kSteps = 4;
+  for (int k = 1; k <= kFrames; ++k) {
+    const Time t = from_seconds(k / 60.0);
+    for (int i = 0; i < kSteps; ++i) {
+      const double at = (k - 1 + (i + 0.5) / kSteps) / 60;
+      truth.x.R_NB = lean(at);
+      // Level flight: thrust carries its weight however it leans.
+      truth.d_N = Vector3(0, 0, kGravity * (1 - truth.x.R_NB(2, 2)));
+      truth = extrapolate(truth, {}, 1.0 / 60 / kSteps, flown);
+    }
+    truth.x.R_NB = lean(k / 60.0);
+    EXPECT_TRUE(filter.predict_to(t, {}).has_value());
+    (void)filter.update(picture(rig.camera, rig.leds, truth.x.X_NB(), t, 0.05, rng));
+    if (k <= kFrom) continue;
+    const Vector3 e = truth.x.v_NB - filter.state().v_NB;
+    const Matrix3 P = filter.covariance().bottomRightCorner<3, 3>();
+    flight.speed_rms += e.squaredNorm() / (kFrames - kFrom);
+    flight.speed_nees += e.dot(P.llt().solve(e)) / (kFrames - kFrom);
+  }
+  flight.speed_rms = std::sqrt(flight.speed_rms);
+  flight.drag_N = filter.motion_state().b_N;
+  return flight;
+}
+
+TEST(RelativeFilter, LearnsTheDragOfADrone) {
+  constexpr int kRuns = 20;
+  for (const double drag : {0.0, 0.4}) {
+    double with = 0, without = 0, nees = 0, found = 0;
+    for (std::uint64_t seed = 1; seed <= kRuns; ++seed) {
+      const DragFlight one = fly_with_drag(drag, true, seed);
+      with += one.speed_rms / kRuns;
+      nees += one.speed_nees / kRuns;
+      found += one.drag_N.head<2>().mean() / kRuns;
+      without += fly_with_drag(drag, false, seed).speed_rms / kRuns;
+    }
+    EXPECT_NEAR(found, drag, 0.1);
+    EXPECT_LT(nees, 6) << drag;
+    EXPECT_LT(with, (drag > 0 ? 0.8 : 1.1) * without) << drag;
+  }
+}
+
 TEST(RelativeFilter, FollowsWhatMovesAsNoDroneDoes) {
   // Carried to and fro upright: its attitude tells nothing of its acceleration.
   const Rig rig = alan_rig();
