@@ -38,10 +38,12 @@ class ResidualWatch {
 
  private:
   static constexpr double kMemory = 60;  // pictures
+  void learn_noise(double changing, double expected);
 
   std::array<Vector2, kMaxLeds> mean_m_;  // of each LED's residual
   std::array<double, kMaxLeds> seen_{};
   double noise_ = 1;
+  double noise_told_ = 0;  // images that told of it
   double pictures_ = 0;
   double constant_m2_ = 0;
   double hidden_m2_ = 0;  // what noise alone would leave of it

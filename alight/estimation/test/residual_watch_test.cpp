@@ -75,6 +75,39 @@ TEST(ResidualWatch, NoiseThatWasClaimedTooLowShows) {
   }
 }
 
+// A drone just found is as well known as its first pictures allow only with their
+// noise.
+TEST(ResidualWatch, FourPicturesTellTheNoiseOfMostOf) {
+  constexpr int kRuns = 200;
+  for (const double factor : {0.6, 1.0, 1.4}) {
+    double variance = 0, spread = 0;
+    for (int run = 0; run < kRuns; ++run) {
+      Source source(6, 0, 0.1, static_cast<std::uint64_t>(run + 1));
+      ResidualWatch watch;
+      for (int k = 0; k < 4; ++k) watch.add(source.next(0.1 / factor));
+      variance += watch.noise() / kRuns;
+      spread += std::pow(std::log(watch.noise() / (factor * factor)), 2) / kRuns;
+    }
+    EXPECT_GT(variance, 0.75 * factor * factor) << factor;
+    EXPECT_LT(variance, 1.3 * factor * factor) << factor;
+    EXPECT_LT(std::sqrt(spread), 0.45) << factor;
+  }
+}
+
+// Noise that stays in the mean by chance is not taken for LEDs that are off.
+TEST(ResidualWatch, ExactLedsAreNotTakenToBeOffByWhatNoiseFeigns) {
+  constexpr int kRuns = 100;
+  double square = 0;
+  for (int run = 0; run < kRuns; ++run) {
+    Source source(6, 0, 0.1, static_cast<std::uint64_t>(run + 1));
+    ResidualWatch watch;
+    for (int k = 0; k < 60; ++k) watch.add(source.next(0.1));
+    square += watch.led_sd_m() * watch.led_sd_m() / kRuns;
+  }
+  const double hidden_m = 0.1 * kMetrePerPx / std::sqrt(60);
+  EXPECT_LT(square, 0.17 * hidden_m * hidden_m);
+}
+
 TEST(ResidualWatch, LedsAreAsSupposedUntilPicturesTell) {
   constexpr double kSupposed = 0.002;
   for (const int n : {4, 6}) {
