@@ -570,6 +570,24 @@ struct AtRest : Watch {
   Matrix6 cov = Matrix6::Zero();
 };
 
+// Elsewhere four lights that fit no better would be lamps.
+TEST(RelativeEstimator, FourLedsThatAreOffStartADroneWhereItIsKnownToStand) {
+  int known = 0, unknown = 0;
+  for (const unsigned which : {0x39u, 0x2du}) {
+    for (unsigned seed = 1; seed <= 12; ++seed) {
+      for (const bool expected : {true, false}) {
+        AtRest w(seed);
+        if (expected) w.expect();
+        w.draw(w.X_NB_rest, which);
+        for (int i = 0; i < 10 && !w.estimator.initialized(); ++i) w.again();
+        (expected ? known : unknown) += w.estimator.initialized();
+      }
+    }
+  }
+  EXPECT_GE(known, 18);
+  EXPECT_LE(unknown, 6);
+}
+
 TEST(RelativeEstimator, AtRestARepeatedPictureIsOneOnlyOfACameraThatHasNoise) {
   RelativeEstimatorConfig config = AtRest::config();
   config.frozen_pictures = 2;
