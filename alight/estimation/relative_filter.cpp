@@ -24,9 +24,8 @@ constexpr Seconds kTurnMemory = 1;     // drones do not go on turning
 // process noise grow at once with what pictures find improbable; one that moves more
 // evenly makes it shrink, picture by picture.
 constexpr double kRestlessLeast = 0.003, kRestlessMost = 100;
-constexpr double kRestlessFirst = 0.03;  // of a drone's flight
-constexpr double kImprobable = 2;        // mean NIS, 1 by the model
-constexpr double kRestlessGain = 0.1;    // share of what it is off that counts at once
+constexpr double kImprobable = 2;      // mean NIS, 1 by the model
+constexpr double kRestlessGain = 0.1;  // share of what it is off that counts at once
 // Six LEDs show six directions of their errors. What is learnt from these varies; the
 // mean of 1 / chi^2 of six degrees of freedom is 1.5 / 6.
 constexpr double kLedCaution = 1.2247;  // sqrt(1.5)
@@ -159,7 +158,7 @@ void RelativeFilter::reset(Time t, const RelativeState& x,
     if (config_.learn_from_residuals) watch_fit(*taken_from);
   }
   turn_ = unknown_turn();
-  restless_ = config_.noise.turn > 0 ? kRestlessFirst : 1;
+  restless_ = 1;
   updates_ = 0;
   measured_v_NB_ = x.v_NB;
 }
@@ -289,7 +288,8 @@ void RelativeFilter::learn_restlessness() {
   double sum = 0;
   for (const ObservationReport& o : report_.seen) sum += o.nis;
   const double mean = sum / (2 * report_.used);  // 1 by the model
-  const double factor = mean > kImprobable ? mean : 1 + kRestlessGain * (mean - 1);
+  const double gain = std::max(kRestlessGain, 1.0 / (updates_ + 1));
+  const double factor = mean > kImprobable ? mean : 1 + gain * (mean - 1);
   restless_ = std::clamp(factor * restless_, kRestlessLeast, kRestlessMost);
 }
 
