@@ -71,10 +71,15 @@ void RelativeEstimator::search(const CameraFrame& frame, const MotionSource& mot
         blobs = detector_.detect(frame.color, frame.depth);
       }
     }
-    if (!found && expecting_ && !filter_.initialized()) {
-      if (auto expected = find_expected(*blobs, frame.captured)) {
+    // Near the lens LEDs that are off fit no better where they are than moved on by
+    // one: of a drone that stands where it should, the way it stands tells which is
+    // which.
+    if (expecting_ && !filter_.initialized()) {
+      auto expected = find_expected(*blobs, frame.captured);
+      if (expected && config_.tell_apart) place_by_pixels(frame, *blobs, *expected);
+      if (expected &&
+          (!found || expected->frame.led_count() >= found->frame.led_count())) {
         found = expected;
-        if (config_.tell_apart) place_by_pixels(frame, *blobs, *found);
       }
     }
     Rivals open;
