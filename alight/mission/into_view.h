@@ -11,22 +11,22 @@ double working_distance(const Rig& rig);
 
 /// The way back of a drone that has left the picture. By the lens the picture is
 /// narrow: on the straight way to a point that is farther off and higher, the drone
-/// rises past its upper edge before it comes in from the side.
+/// rises past its upper edge before it comes in from the side. So it goes off first,
+/// then up.
 class IntoView {
  public:
   /// @param end_N  Where the way leads, in view.
   IntoView(const Rig& rig, const Vector3& end_N);
 
-  /// Where in N a drone believed at p_NB goes first: to the middle of the picture, at
-  /// its own height or somewhat higher, as far as that is in view; or at once to the
-  /// end, if it is in the picture already or that middle is not.
+  /// Where in N a drone believed at p_NB goes first: below the end, a little higher
+  /// than it is; or at once to the end, if it is in the picture already or that place
+  /// is not.
   Vector3 first_N(const Vector3& p_NB) const;
 
  private:
   Camera camera_;
   Constellation leds_;
   Vector3 end_N_;
-  double nearest_;  // m along the optical axis
 };
 
 }  // namespace alight
