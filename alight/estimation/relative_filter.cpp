@@ -212,19 +212,14 @@ Result<void> RelativeFilter::predict_to(Time t, const PredictionInput& given) {
   if (!config_.estimate_disturbance) {
     noise.disturbance = noise.updraught = noise.bias = noise.thrust = 0;
   }
-  const double share = std::sqrt(restless_);
-  for (double* of : {&noise.rate, &noise.acceleration, &noise.disturbance,
-                     &noise.updraught, &noise.thrust, &noise.turn}) {
-    *of *= share;
-  }
-  // However a drone moves, its drag is its own.
-  if (!config_.estimate_drag) noise.bias *= share;
+  // However restless a drone is, its drag is its own.
+  if (config_.estimate_drag) noise.bias /= std::sqrt(restless_);
   const Transition transition(F);
-  Matrix15 P =
-      transition.carry(P_) +
-      process_covariance(noise, dt, state_.x.R_NB.col(2), config_.estimate_drag);
+  Matrix15 P = transition.carry(P_) +
+               restless_ * process_covariance(noise, dt, state_.x.R_NB.col(2),
+                                              config_.estimate_drag);
   P.diagonal().head<9>().array() += config_.variance_per_frame * dt / kFrame;
-  const TurnRate turn = noise.turn > 0 ? predict_turn(dt, noise.turn, F, P) : turn_;
+  const TurnRate turn = noise.turn > 0 ? predict_turn(dt, F, P) : turn_;
   if (!P.allFinite() || !next.x.p_NB.allFinite() || !next.x.R_NB.allFinite() ||
       !next.x.v_NB.allFinite() || !next.d_N.allFinite() || !next.b_N.allFinite()) {
     return fail(Fault::invalid_input);
@@ -247,8 +242,7 @@ RelativeFilter::TurnRate RelativeFilter::unknown_turn() {
   return turn;
 }
 
-RelativeFilter::TurnRate RelativeFilter::predict_turn(Seconds dt, double noise,
-                                                      const Matrix15& F,
+RelativeFilter::TurnRate RelativeFilter::predict_turn(Seconds dt, const Matrix15& F,
                                                       Matrix15& P) const {
   // R turns by the rate: P += F C' B' + B C F' + B W B', with B = dt in the rows of R.
   const Eigen::Matrix<double, 15, 3> carried = F * turn_.cross.transpose();
@@ -256,7 +250,7 @@ RelativeFilter::TurnRate RelativeFilter::predict_turn(Seconds dt, double noise,
   P.middleRows<3>(3) += dt * carried.transpose();
   P.block<3, 3>(3, 3) += dt * dt * turn_.P;
   const double kept = std::exp(-dt / kTurnMemory);
-  const double q2 = noise * noise;
+  const double q2 = restless_ * config_.noise.turn * config_.noise.turn;
   TurnRate next;
   next.w = kept * turn_.w;
   next.cross = kept * carried.transpose();

@@ -20,11 +20,6 @@ bool in_view(const Camera& camera, const Constellation& leds, const Vector3& p_N
   return true;
 }
 
-double working_distance(const Rig& rig) {
-  return std::max(rig.camera.X_NC.translation().head<2>().norm(),
-                  2.5 * rig.drone.size_m);
-}
-
 IntoView::IntoView(const Rig& rig, const Vector3& end_N)
     : camera_(rig.camera), leds_(rig.leds), end_N_(end_N) {}
 

@@ -6,9 +6,6 @@ namespace alight {
 /// A drone at p_NB, level and turned as N, shows every LED well inside the picture.
 bool in_view(const Camera& camera, const Constellation& leds, const Vector3& p_NB);
 
-/// Level distance from lens to pad, m, or what is the least to see the whole drone.
-double working_distance(const Rig& rig);
-
 /// The way back of a drone that has left the picture. By the lens the picture is
 /// narrow: on the straight way to a point that is farther off and higher, the drone
 /// rises past its upper edge before it comes in from the side. So it goes off first,

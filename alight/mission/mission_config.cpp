@@ -60,7 +60,8 @@ Result<void> MissionConfig::validate() const {
 
 MissionConfig places_for(MissionConfig config, const Rig& rig) {
   const Pose& X_NC = rig.camera.X_NC;
-  const double unit = working_distance(rig);
+  const double reach = X_NC.translation().head<2>().norm();
+  const double unit = std::max(reach, 2.5 * rig.drone.size_m);
   const auto on_axis = [&](double distance) {
     return Vector3(X_NC * Vector3(0, 0, distance * unit));
   };

@@ -245,7 +245,7 @@ bool RelativeEstimator::follow(const CameraFrame& frame, FrameReport& out,
   const bool missed = misses_ >= config_.misses_before_search || found_again_ ||
                       to_seconds(frame.captured - last_sight_) > kLongUnseen;
   // Four lamps always lie as four LEDs do, somewhere within half a metre.
-  const int again = filter_.position_sd() > kVaguePlace_m
+  const int again = missed && filter_.position_sd() > kVaguePlace_m
                         ? std::max(config_.search_leds, config_.leds_after_misses)
                         : config_.leds_after_misses;
   const auto needed = static_cast<std::size_t>(missed ? again : 0);

@@ -21,6 +21,7 @@ error, with the command that shows it. Exit status 1 if there is any.
 import argparse
 import json
 import math
+import os
 import subprocess
 import sys
 
@@ -441,6 +442,9 @@ def main():
     parser.add_argument("--others", type=int, default=3,
                         help="further samples of the durations tried per refusal")
     options = parser.parse_args()
+    for wanted in (options.program, options.rig):
+        if not os.path.isfile(wanted):
+            sys.exit(f"check_plans: {wanted}: no such file")
     solved = refused = wrong = 0
     reasons = {}
     for k in range(options.count):
