@@ -10,7 +10,7 @@
 namespace alight {
 namespace fs = std::filesystem;
 
-Result<std::string> read_file(const std::string& path) {
+Result<void> find_file(const std::string& path) {
   std::error_code code;
   const fs::file_status status = fs::status(path, code);
   if (status.type() == fs::file_type::not_found) {
@@ -23,6 +23,11 @@ Result<std::string> read_file(const std::string& path) {
   if (fs::is_block_file(status) || fs::is_character_file(status)) {
     return fail(Fault::io, path + ": is a device, a file is needed");
   }
+  return {};
+}
+
+Result<std::string> read_file(const std::string& path) {
+  if (auto there = find_file(path); !there) return fail(there.error());
   std::ifstream in(path, std::ios::binary);
   std::ostringstream bytes;
   if (in && in.peek() != std::ifstream::traits_type::eof()) bytes << in.rdbuf();
@@ -57,6 +62,8 @@ Result<void> check_folder(const std::string& path) {
   std::error_code code;
   fs::path place = fs::absolute(path, code).lexically_normal();
   while (!fs::exists(place, code) && place.has_relative_path()) {
+    // Not that it is missing: the name is too long, a link leads in a circle.
+    if (code) return fail(Fault::io, place.string() + ": " + code.message());
     place = place.parent_path();
   }
   if (!fs::is_directory(place, code)) {
@@ -70,17 +77,19 @@ Result<void> check_folder(const std::string& path) {
 
 Result<void> check_file(const std::string& path) {
   std::error_code code;
-  if (fs::is_directory(path, code)) {
+  const fs::file_status status = fs::status(path, code);
+  if (fs::is_directory(status)) {
     return fail(Fault::io, path + ": is a folder, a file is needed");
   }
+  if (!fs::status_known(status)) return fail(Fault::io, path + ": " + code.message());
   const fs::path folder = fs::path(path).parent_path();
   return check_folder(folder.empty() ? "." : folder.string());
 }
 
 Result<void> make_folder(const std::string& path) {
-  std::error_code code;
+  std::error_code code, unseen;
   fs::create_directories(path, code);
-  if (!fs::is_directory(path)) {
+  if (!fs::is_directory(path, unseen)) {
     return fail(Fault::io, path + ": cannot be made a folder" +
                                (code ? ": " + code.message() : std::string()));
   }

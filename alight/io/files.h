@@ -6,7 +6,10 @@
 
 namespace alight {
 
-/// The bytes of a file. io: "FILE: no such file", "FILE: is a folder", ...
+/// Whether there is a file to read. io: "FILE: no such file", "FILE: is a folder", ...
+Result<void> find_file(const std::string& path);
+
+/// The bytes of a file; io, as of `find_file`.
 Result<std::string> read_file(const std::string& path);
 
 /// Writes beside `path` and renames, so that nobody ever sees half a file under its

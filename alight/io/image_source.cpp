@@ -152,15 +152,17 @@ Result<std::vector<Entry>> read_list(const std::string& folder) {
                    std::string(field(t_column)) + " after " +
                    number_text(to_seconds(entries.back().t)));
     }
-    const auto place = [&](int column, std::string& file) -> bool {
-      if (column < 0 || field(column).empty()) return true;
+    const auto place = [&](int column, std::string& file) -> Result<void> {
+      if (column < 0 || field(column).empty()) return {};
       file = (fs::path(folder) / field(column)).string();
-      return fs::is_regular_file(file);
+      return find_file(file);
     };
     if (field(file_column).empty()) return wrong("the field file is empty");
-    if (!place(file_column, entry.file)) return wrong(entry.file + ": no such file");
-    if (!place(depth_column, entry.depth_file)) {
-      return wrong(entry.depth_file + ": no such file");
+    if (auto there = place(file_column, entry.file); !there) {
+      return wrong(there.error().detail);
+    }
+    if (auto there = place(depth_column, entry.depth_file); !there) {
+      return wrong(there.error().detail);
     }
     entries.push_back(std::move(entry));
   }
@@ -207,14 +209,18 @@ Result<ImageSource> ImageSource::open(const std::string& path, const Rig& rig) {
   state->width = rig.camera.intrinsics.width;
   state->height = rig.camera.intrinsics.height;
   state->rate_hz = rig.timing.rate_hz;
-  if (fs::is_directory(path)) {
-    const bool listed = fs::exists(fs::path(path) / "frames.csv");
+  std::error_code code;
+  const fs::file_status status = fs::status(path, code);
+  if (fs::is_directory(status)) {
+    std::error_code unseen;
+    const bool listed = fs::exists(fs::path(path) / "frames.csv", unseen);
     auto entries = listed ? read_list(path) : list_folder(path, rig.timing.rate_hz);
     if (!entries) return fail(entries.error());
     state->entries = std::move(*entries);
     return ImageSource(std::move(state));
   }
-  if (!fs::exists(path)) return fail(Fault::io, path + ": no such file or folder");
+  if (!fs::status_known(status)) return fail(Fault::io, path + ": " + code.message());
+  if (!fs::exists(status)) return fail(Fault::io, path + ": no such file or folder");
   if (is_picture(path)) {
     return fail(Fault::io, path + ": is one picture; give the folder that holds it");
   }

@@ -133,6 +133,16 @@ TEST_F(ImageFiles, BadSourcesAreNamed) {
   EXPECT_EQ(listed("t,file\n0\n").substr(0, 22), "/frames.csv:2: found 1");
   EXPECT_NE(listed("t,file\n0,gone.png\n").find("gone.png: no such file"),
             std::string::npos);
+  const std::string long_name(300, 'n');
+  EXPECT_EQ(listed("t,file\n0," + long_name + "\n"),
+            "/frames.csv:2: " + path("f/" + long_name) + ": File name too long");
+  EXPECT_EQ(listed("t,file,depth_file\n0,a.png," + long_name + "\n"),
+            "/frames.csv:2: " + path("f/" + long_name) + ": File name too long");
+  EXPECT_EQ(listed("t,file\n0,.\n"),
+            "/frames.csv:2: " + path("f/.") + ": is a folder, a file is needed");
+  EXPECT_EQ(why(long_name), ": File name too long");
+  std::filesystem::create_symlink(path("circle"), path("circle"));
+  EXPECT_NE(why("circle").find("symbolic link"), std::string::npos) << why("circle");
   EXPECT_EQ(listed("t,file\n"), "/frames.csv: lists no pictures");
   EXPECT_EQ(listed(""),
             "/frames.csv:1: the header lacks the column t, it should be "
