@@ -10,6 +10,7 @@
 #include <set>
 
 #include "alight/io/files.h"
+#include "alight/io/json_text.h"
 #include "alight/io/text.h"
 #include "alight/run/campaign.h"
 #include "alight/run/campaign_compare.h"
@@ -310,7 +311,7 @@ Result<void> campaign(const Settings& settings) {
                         {"faults", fault_rows},
                         {"wrong", wrong},
                         {"pictures", pictures}};
-    std::cout << document.dump(2) << '\n';
+    std::cout << json_text(document, 2) << '\n';
   } else if (!options->store.empty()) {
     std::cout << "results in " << options->store << " (" << result->from_store
               << " were there already)\n";
@@ -363,7 +364,7 @@ Result<void> compare(const CompareSettings& settings) {
                          {"alone_b", c.alone_b},
                          {"figures", figures}});
   }
-  std::cout << Json{{"scenarios", scenarios}}.dump(2) << '\n';
+  std::cout << json_text(Json{{"scenarios", scenarios}}, 2) << '\n';
   return {};
 }
 

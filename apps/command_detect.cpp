@@ -4,6 +4,7 @@
 #include <memory>
 
 #include "alight/io/files.h"
+#include "alight/io/json_text.h"
 #include "alight/io/plot.h"
 #include "alight/vision/led_finder.h"
 #include "checks.h"
@@ -161,7 +162,7 @@ Result<void> run(const Options& options) {
     if (auto good = save_png(pictures.back(), seen.picture.view()); !good) return good;
   }
   if (options.json) {
-    std::cout << Json{{"images", images}}.dump(2) << '\n';
+    std::cout << json_text(Json{{"images", images}}, 2) << '\n';
     return {};
   }
   for (const Seen& seen : *all) print(seen.file, seen.result);

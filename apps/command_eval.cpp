@@ -7,6 +7,7 @@
 #include "alight/eval/path_error.h"
 #include "alight/eval/statistics.h"
 #include "alight/io/files.h"
+#include "alight/io/json_text.h"
 #include "alight/io/plot.h"
 #include "alight/io/pose_log.h"
 #include "checks.h"
@@ -179,7 +180,7 @@ Result<void> run(const Options& options) {
   }
   const auto evaluation = evaluate(options);
   if (!evaluation) return fail(evaluation.error());
-  const std::string json = as_json(options, *evaluation).dump(2) + "\n";
+  const std::string json = json_text(as_json(options, *evaluation), 2) + "\n";
   if (!options.out.empty()) {
     if (auto good = write_file(options.out + "/eval.json", json); !good) return good;
     const FigureOptions two{

@@ -7,6 +7,7 @@
 
 #include "alight/calibration/flight_observer.h"
 #include "alight/io/image_source.h"
+#include "alight/io/json_text.h"
 #include "alight/peers/peer.h"
 
 namespace alight {
@@ -272,7 +273,7 @@ std::string calibration_json(const CalibrateFlightOptions& options,
                   {"shift_sd_m", list(fit.shift_sd_m)},
                   {"turn_sd_deg", list(fit.turn_sd_rad, 1 / kDegree)},
                   {"leds", leds}};
-  return json.dump(2) + "\n";
+  return json_text(json, 2) + "\n";
 }
 
 std::string calibration_json(const CalibrateLensOptions& options,
@@ -299,7 +300,7 @@ std::string calibration_json(const CalibrateLensOptions& options,
                   {"before", numbers(options.rig.camera.intrinsics)},
                   {"lens", numbers(fit.lens)},
                   {"sd", sd}};
-  return json.dump(2) + "\n";
+  return json_text(json, 2) + "\n";
 }
 
 std::string calibration_json(const CalibrateMountOptions& options,
@@ -320,7 +321,7 @@ std::string calibration_json(const CalibrateMountOptions& options,
       {"off_held_out",
        {{"m", number_or_null(fit.off_held_out_m)},
         {"deg", number_or_null(fit.off_held_out_deg)}}}};
-  return json.dump(2) + "\n";
+  return json_text(json, 2) + "\n";
 }
 
 }  // namespace alight

@@ -10,6 +10,7 @@
 #include "alight/eval/statistics.h"
 #include "alight/io/files.h"
 #include "alight/io/image_source.h"
+#include "alight/io/json_text.h"
 #include "alight/io/plot.h"
 #include "alight/io/pose_log.h"
 #include "alight/io/rig_yaml.h"
@@ -141,7 +142,7 @@ std::string track_json(const TrackRunOptions& options, const TrackRunResult& res
       {"longest_gap_s", result.longest_gap},
       {"reprojection_px", number_or_null(result.reprojection_px)},
       {"us", {{"p50", result.us_median}, {"p99", result.us_p99}}}};
-  return json.dump(2) + "\n";
+  return json_text(json, 2) + "\n";
 }
 
 Result<void> save_track(const std::string& folder, const TrackRunOptions& options,

@@ -333,6 +333,20 @@ TEST_F(BadInput, Pictures) {
   both("small.png", {"small.png", "640x480", "848x480"});
 }
 
+/// A file's name may hold any bytes, JSON may not.
+TEST_F(BadInput, NamesThatAreNotUtf8AreStood) {
+  const std::string name = at("good\xff");
+  fs::copy_file(at("good.png"), name + ".png");
+  fs::copy_file(good_tum_, name + ".tum");
+  for (const std::string& line :
+       {"detect --json '" + name + ".png' --rig '" + good_rig_ + "'",
+        "eval --json '" + name + ".tum' '" + good_tum_ + "'"}) {
+    const Ran ran = run(line);
+    EXPECT_EQ(ran.status, 0) << ran.err;
+    EXPECT_NE(ran.out.find("good\xef\xbf\xbd"), std::string::npos) << ran.out;
+  }
+}
+
 TEST_F(BadInput, Sequences) {
   const std::string rig = " --rig '" + good_rig_ + "'";
   const std::string picture = at("good.png");
@@ -348,11 +362,13 @@ TEST_F(BadInput, Sequences) {
   list("t,file\nnan," + picture + "\n", {"frames.csv:2", "finite"});
   list("t,file\n1," + picture + "\n0.5," + picture + "\n", {"frames.csv:3", "grow"});
   list("t,file\n1,gone.png\n", {"frames.csv:2", "gone.png"});
+  list("t,file\n1," + std::string(300, 'n') + "\n", {"frames.csv:2", "too long"});
   list("t,t,file\n0,1," + picture + "\n", {"frames.csv:1", "t twice"});
   list("t,file\n1e30," + picture + "\n", {"frames.csv:2", "seconds"});
   fs::create_directories(at("empty"));
   expect_refused("track '" + at("empty") + "'" + rig, 1, {"empty", "frames.csv"});
   expect_refused("track '" + at("absent") + "'" + rig, 1, {"absent", "no such"});
+  expect_refused("track '" + at(std::string(300, 'n')) + "'" + rig, 1, {"too long"});
   expect_refused("track '" + picture + "'" + rig, 1, {"one picture"});
   expect_refused("track '" + good_rig_ + "'" + rig, 1, {"good_rig.yaml", "video"});
   expect_refused("track '" + file("text.mp4", "no video") + "'" + rig, 1,
@@ -448,6 +464,7 @@ TEST_F(BadInput, FilesThatCannotBeWritten) {
         std::string("reproduce circle --figure")}) {
     check(line, run(line + " '" + at("folder") + "'"), 1,
           {"folder", "a file is needed"});
+    check(line, run(line + " '" + at(std::string(300, 'n')) + "'"), 1, {"too long"});
     check(line, run(line + " '" + taken + "/x'"), 1, {"taken", "a folder is needed"});
   }
 }
@@ -464,6 +481,9 @@ TEST_F(BadInput, FoldersThatCannotBeWritten) {
         const std::string line = command + more + " --out '" + in_the_way + below + "'";
         check(line, run(line), 1, {"taken"});
       }
+      const std::string long_name = at(std::string(300, 'n'));
+      const std::string line = command + more + " --out '" + long_name + "'";
+      check(line, run(line), 1, {"too long"});
     }
   }
 }
