@@ -10,6 +10,7 @@
 #include "alight/io/rig_yaml.h"
 #include "alight/io/text.h"
 #include "alight/run/campaign_store.h"
+#include "alight/run/on_threads.h"
 #include "alight/run/scenario_yaml.h"
 
 namespace alight {
@@ -158,12 +159,7 @@ Result<CampaignResult> Work::run() {
   const std::size_t wished = options_.jobs > 0
                                  ? static_cast<std::size_t>(options_.jobs)
                                  : std::max(1u, std::thread::hardware_concurrency());
-  {
-    std::vector<std::jthread> threads;
-    for (std::size_t j = 0; j < std::min(wished, missing_.size()); ++j) {
-      threads.emplace_back([this] { compute(); });
-    }
-  }
+  on_threads(std::min(wished, missing_.size()), [this] { compute(); });
   if (wrong_) return fail(*wrong_);
   return std::move(all_);
 }

@@ -12,6 +12,7 @@
 
 #include "alight/base/bounds.h"
 #include "alight/eval/statistics.h"
+#include "alight/run/on_threads.h"
 
 namespace alight {
 namespace {
@@ -191,11 +192,7 @@ Result<MeasureResult> run_measure(const MeasureOptions& options,
     }
   };
   const unsigned cores = std::max(1u, std::thread::hardware_concurrency());
-  const unsigned jobs = options.jobs > 0 ? static_cast<unsigned>(options.jobs) : cores;
-  std::vector<std::thread> threads;
-  for (unsigned i = 1; i < jobs; ++i) threads.emplace_back(compute);
-  compute();
-  for (std::thread& thread : threads) thread.join();
+  on_threads(options.jobs > 0 ? static_cast<unsigned>(options.jobs) : cores, compute);
   if (work.wrong) return fail(*work.wrong);
   return result;
 }
