@@ -5,7 +5,8 @@
 
 #include "alight/estimation/test/flight.h"
 
-#if defined(__GLIBC__) && !defined(__SANITIZE_ADDRESS__)
+#if defined(__GLIBC__) && !defined(__SANITIZE_ADDRESS__) && \
+    !defined(__SANITIZE_THREAD__)
 #define ALIGHT_COUNTS_ALLOCATIONS 1
 #endif
 
