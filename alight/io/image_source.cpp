@@ -240,8 +240,9 @@ Result<ImageSource> ImageSource::open(const std::string& path, const Rig& rig) {
   }
   const double fps = state->video->get(cv::CAP_PROP_FPS);
   if (fps > 1 && fps < 1000) state->rate_hz = fps;
-  state->video_count =
-      std::max(0, static_cast<int>(state->video->get(cv::CAP_PROP_FRAME_COUNT)));
+  // A damaged header may claim any number.
+  const double claimed = state->video->get(cv::CAP_PROP_FRAME_COUNT);
+  if (claimed > 0 && claimed < 1e9) state->video_count = static_cast<int>(claimed);
   return ImageSource(std::move(state));
 }
 

@@ -62,7 +62,8 @@ TEST(Allocation, NoneOnceDetectorFinderAndTrackerStand) {
   EXPECT_GT(found, 5);
 #if ALIGHT_COUNTS_ALLOCATIONS
   const long before = news;
-  ::operator delete(::operator new(1));
+  void* volatile room = ::operator new(1);
+  ::operator delete(room);
   EXPECT_EQ(news, before + 1);  // The counter counts.
 #endif
 }
