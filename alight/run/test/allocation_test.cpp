@@ -24,6 +24,7 @@ thread_local int allocations = 0;
 thread_local void* first_trace[kDepth];
 thread_local int first_depth = 0;
 
+#if ALIGHT_COUNTS_ALLOCATIONS
 void count_allocation() {
   if (!armed) return;
   if (allocations++ > 0) return;
@@ -31,6 +32,7 @@ void count_allocation() {
   first_depth = backtrace(first_trace, kDepth);
   armed = true;
 }
+#endif
 
 }  // namespace
 
