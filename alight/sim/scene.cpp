@@ -112,7 +112,11 @@ Scene::~Scene() = default;
 Result<std::unique_ptr<Scene>> Scene::create(const TrueRig& rig, const Pose& X_IF,
                                              const PlatformState& platform,
                                              Seconds step) {
-  mju_user_warning = say_nothing;
+  // One for all threads: once only, as others may be reading it.
+  [[maybe_unused]] static const bool silent = [] {
+    mju_user_warning = say_nothing;
+    return true;
+  }();
   auto parts = std::make_unique<Parts>();
   const std::string xml = scene_mjcf(rig, step);
 
