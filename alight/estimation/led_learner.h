@@ -4,14 +4,11 @@
 #include <span>
 
 #include "alight/base/fixed_vector.h"
+#include "alight/estimation/led_information.h"
 #include "alight/geometry/led_frame.h"
 #include "alight/geometry/rig.h"
 
 namespace alight {
-
-/// Of the coordinates of all LEDs, m^2: 3 n x 3 n.
-using LedCovariance = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0,
-                                    3 * kMaxLeds, 3 * kMaxLeds>;
 
 struct LedLearnerConfig {
   double led_sd_m = 0.002;      ///< Of each coordinate as written, to begin with,
@@ -71,7 +68,6 @@ class LedLearner {
     Eigen::Matrix<double, 6, 1> change = Eigen::Matrix<double, 6, 1>::Zero();
     Eigen::Matrix<double, 6, Eigen::Dynamic, 0, 6, 3 * kMaxLeds> by_leds;
   };
-  using LedVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 3 * kMaxLeds, 1>;
 
   bool add_to_normal_equations(Picture& picture);
   void thin_out();

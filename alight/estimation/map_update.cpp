@@ -5,6 +5,7 @@
 #include <bit>
 #include <cmath>
 
+#include "alight/estimation/huber.h"
 #include "alight/estimation/small_solve.h"
 
 namespace alight {
@@ -25,12 +26,9 @@ struct Linearized {
 
 /// Huber's loss (Huber 1964) of the squared normalized residual: cost and weight.
 double robust_weight(double s, double limit, double& cost) {
-  if (limit <= 0 || s <= limit * limit) {
-    cost += s;
-    return 1;
-  }
-  cost += 2 * limit * std::sqrt(s) - limit * limit;
-  return limit / std::sqrt(s);
+  const double weight = huber_weight(s, limit);
+  cost += weight == 1 ? s : 2 * limit * std::sqrt(s) - limit * limit;
+  return weight;
 }
 
 /// Adds a measurement of K images; `pull` is that of its first.
@@ -177,6 +175,7 @@ Result<MapUpdate> solve(const Camera& camera, const Constellation& leds,
     if (done.converged || done.iterations >= options.max_iterations) break;
   }
   e = boxminus(x, prior).head<N>();
+  done.moved = e.dot(P_inverse * e);
   J.template block<3, 3>(3, 3) = so3_right_jacobian_inverse(e.template segment<3>(3));
 
   // The rest follows by regression on what was measured.

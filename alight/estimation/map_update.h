@@ -43,6 +43,7 @@ using LedBias = Eigen::Matrix<double, 15, Eigen::Dynamic, 0, 15, 3 * kMaxLeds>;
 struct MapUpdate {
   int iterations = 0;
   bool converged = false;
+  double moved = 0;  ///< |x [-] x_prior|^2_P of the measured part.
 };
 
 /// The maximum a posteriori state for one picture (paper, eqn:IEKF_GN):

@@ -163,6 +163,12 @@ void RelativeFilter::reset(Time t, const RelativeState& x,
   measured_v_NB_ = x.v_NB;
 }
 
+void RelativeFilter::restart_disturbance(const Vector3& b_N) {
+  const LedBias bias = led_bias_;
+  reset(time_, RelativeState(state_.x), tracking_covariance(), Vector3::Zero(), b_N);
+  led_bias_.topRows<9>() = bias.topRows<9>();
+}
+
 LedBias RelativeFilter::response_to_leds(const LedFrame& seen) const {
   // The fit's normal equations, the covariance held against what it leaves open.
   Matrix6 A = P_.topLeftCorner<6, 6>().inverse();
@@ -369,6 +375,14 @@ RelativeFilter::Verdict RelativeFilter::judge(const LedObservation* seen,
     innovation.template segment<2>(2 * k) = o.uv - *uv;
     drawn.template segment<2>(2 * k) = white * led + Vector2::Constant(pixel / n);
     constant.template segment<2>(2 * k) = (1 - white) * led;
+    if (leds_learnt_ && config_.led_aspect_sd_m > 0) {
+      const double aspect = config_.led_aspect_sd_m / z;
+      const Intrinsics& lens = camera_.intrinsics;
+      drawn.template segment<2>(2 * k) =
+          aspect * aspect / n * Vector2(lens.fx, lens.fy).cwiseAbs2() +
+          Vector2::Constant(pixel / n);
+      constant.template segment<2>(2 * k) = led;
+    }
     MeasuredImage image{.leds = o.leds, .uv = o.uv};
     add_depth(o, X_NB, P, z, image);
     m.images.push_back(image);
@@ -433,8 +447,8 @@ void RelativeFilter::add_depth(const LedObservation& o, const Pose& X_NB,
   out.depth_variance = variance;
 }
 
-Result<UpdateReport> RelativeFilter::update(const LedFrame& frame,
-                                            std::size_t agreeing) {
+Result<UpdateReport> RelativeFilter::update(const LedFrame& frame, std::size_t agreeing,
+                                            LedInformation* told) {
   if (!initialized_ || frame.t != time_ || (updates_ > 0 && frame.t <= last_update_)) {
     return fail(Fault::invalid_input);
   }
@@ -466,9 +480,18 @@ Result<UpdateReport> RelativeFilter::update(const LedFrame& frame,
   }
   MotionState next = state_;
   Matrix15 P = P_;
+  LedBias bias = led_bias_;
   const auto done = map_update(camera_, leds_, measurements, options, next, P,
-                               knows_led_errors() ? &led_bias_ : nullptr);
+                               knows_led_errors() ? &bias : nullptr);
   if (!done) return fail(done.error());
+  if (told != nullptr &&
+      !(knows_led_errors() && options.velocity_variance == 0 &&
+        tell_of_leds(camera_, leds_, measurements, options.huber_sd, next.x.X_NB(),
+                     P.topLeftCorner<6, 6>(), led_bias_, *told))) {
+    told->matrix.setZero(3 * leds_.size(), 3 * leds_.size());
+    told->vector.setZero(3 * leds_.size());
+  }
+  led_bias_ = bias;
   if (config_.noise.turn > 0) {
     learn_turn(next, P);
     learn_restlessness();
@@ -477,6 +500,7 @@ Result<UpdateReport> RelativeFilter::update(const LedFrame& frame,
   P_ = P;
   report.iterations = done->iterations;
   report.converged = done->converged;
+  report.moved = done->moved;
 
   const Pose X_NB = state_.x.X_NB();
   double sum = 0;

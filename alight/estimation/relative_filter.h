@@ -34,6 +34,9 @@ class RelativeFilter {
              const LedFrame* taken_from = nullptr);
   bool initialized() const { return initialized_; }
 
+  /// The disturbances begin anew, the rest of the state stands.
+  void restart_disturbance(const Vector3& b_N);
+
   /// Forgets the state: initialized() is false until the next reset().
   void stop() { initialized_ = false; }
 
@@ -81,7 +84,10 @@ class RelativeFilter {
   ///                   prediction contradict each other; initialize again if it lasts
   ///   no_convergence  the picture cannot be explained near the prediction
   /// @param agreeing  Observations that must have passed the gate; less: ambiguous.
-  Result<UpdateReport> update(const LedFrame& frame, std::size_t agreeing = 0);
+  /// @param told      Receives what the picture tells of the LEDs; nothing without
+  ///                  errors to be known of them, or with the velocity measured.
+  Result<UpdateReport> update(const LedFrame& frame, std::size_t agreeing = 0,
+                              LedInformation* told = nullptr);
 
   /// Of the last update that came as far as looking at its observations, be it refused.
   const UpdateReport& last_report() const { return report_; }

@@ -34,6 +34,7 @@ Result<void> RelativeFilterConfig::validate() const {
       {"led_position_sd_m", led_position_sd_m, 0, 0.1},
       {"led_supposed_sd_m", led_supposed_sd_m, 0, 0.1},
       {"led_white_share", led_white_share, 0, 1},
+      {"led_aspect_sd_m", led_aspect_sd_m, 0, 0.1},
       {"depth_sd_m", depth_sd_m, 1e-6, 10},
       {"depth_sd_share", depth_sd_share, 0, 1},
       {"mount_position_sd_m", mount_position_sd_m, 0, 1},
@@ -111,6 +112,7 @@ RelativeFilterConfig RelativeFilterConfig::camera_only() {
   // The pose against the camera: where that stands, its pictures do not tell.
   c = c.with_perfect_rig();
   c.learn_from_residuals = true;
+  c.led_aspect_sd_m = 0;
   return c;
 }
 

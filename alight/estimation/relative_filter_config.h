@@ -34,6 +34,9 @@ struct RelativeFilterConfig {
   double pixel_sd_px = 0.1;          ///< Floor: lens, blob model.
   double led_position_sd_m = 0.002;  ///< Of each coordinate of each LED, constant.
   double led_white_share = 0.65;     ///< Of led_position_sd_m, in R.
+  /// Where pictures tell of the LEDs (LedErrors), this takes the place of that share:
+  /// by how much an LED seems to move with the side it shows.
+  double led_aspect_sd_m = 0.0003;
   /// led_position_sd_m and the scale of the pixels' noise are learnt instead
   /// (ResidualWatch), from
   bool learn_from_residuals = false;

@@ -92,13 +92,14 @@ struct Fit {
   Unknowns x;  // physical units
   double chi2 = 0;
   double rms_px = 0;
+  Information A;  // in units of the standard deviations
 };
 
 std::optional<Fit> fit(const Rest& start, std::span<const LedObservation> seen,
                        double pixel_sd_px, const Unknowns& sd) {
   const Eigen::Index n = sd.size();
   const double w = 1 / (pixel_sd_px * pixel_sd_px);
-  Fit best{Unknowns::Zero(n), 0, 0};
+  Fit best{Unknowns::Zero(n), 0, 0, {}};
   Unknowns s = Unknowns::Zero(n);
   double moved_by = 1;
   for (int step = 0; step <= kSteps; ++step) {
@@ -119,7 +120,10 @@ std::optional<Fit> fit(const Rest& start, std::span<const LedObservation> seen,
     }
     best.rms_px = std::sqrt(sum / static_cast<double>(seen.size()));
     best.chi2 = w * sum + s.squaredNorm();
-    if (moved_by < kSmall) return best;
+    if (moved_by < kSmall) {
+      best.A = A;
+      return best;
+    }
     const Eigen::LLT<Eigen::Ref<Information>> llt(A);
     if (llt.info() != Eigen::Success) return std::nullopt;
     const Unknowns ds = llt.solve(b);
@@ -128,6 +132,17 @@ std::optional<Fit> fit(const Rest& start, std::span<const LedObservation> seen,
     moved_by = ds.norm();
   }
   return std::nullopt;
+}
+
+/// Marginal, whatever else is not known.
+LedCovariance led_covariance(const Fit& fit, const Unknowns& sd) {
+  const Eigen::Index n = sd.size() - kLeds;
+  const Eigen::LLT<Information> llt(fit.A);
+  Information columns(sd.size(), n);
+  columns.setZero();
+  columns.bottomRows(n).setIdentity();
+  const Information cov = llt.solve(columns);
+  return sd.tail(n).asDiagonal() * cov.bottomRows(n) * sd.tail(n).asDiagonal();
 }
 
 }  // namespace
@@ -182,6 +197,7 @@ Result<RestFit> calibrate_at_rest(const RestCalibrationConfig& config,
   const Rest rest = moved(start, found->x);
   return RestFit{.camera = rest.camera,
                  .leds = rest.leds,
+                 .led_cov = led_covariance(*found, sd),
                  .X_NB = rest.X_NB,
                  .rms_before_px = written ? written->rms_px : found->rms_px,
                  .rms_px = found->rms_px,

@@ -2,6 +2,7 @@
 #include <span>
 
 #include "alight/base/result.h"
+#include "alight/estimation/led_information.h"
 #include "alight/geometry/rig.h"
 
 namespace alight {
@@ -29,6 +30,7 @@ struct RestCalibrationConfig {
 struct RestFit {
   Camera camera;
   Constellation leds;
+  LedCovariance led_cov;         ///< What is still not known of them.
   Pose X_NB = Pose::Identity();  ///< Where it stands.
   double rms_before_px = 0;      ///< Of the best pose with the rig as written.
   double rms_px = 0;             ///< With the rig as found.

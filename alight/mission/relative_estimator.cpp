@@ -6,8 +6,12 @@
 namespace alight {
 namespace {
 
-constexpr double kAnyFit = 1e9;       // px
+constexpr double kAnyFit = 1e9;  // px
+// Few lights fit anywhere; they are LEDs only as near to where these are expected as
+// chance lets them be: 999 of 1000 by chi-square of 6 degrees of freedom.
+constexpr double kMovedMost = 22.5;
 constexpr double kNearestLens = 0.1;  // m
+constexpr double kSoundNis = 2;       // mean NIS of LEDs seen well, 1 by the model
 constexpr double kUsualMemory = 20;   // fits
 constexpr int kLearnerSteps = 2;      // for each picture that it keeps
 // With no more than these there is little misfit, wherever the LEDs are,
@@ -34,6 +38,7 @@ Result<void> RelativeEstimatorConfig::validate() const {
   if (auto good = filter.validate(); !good) return good;
   if (auto good = rest.validate(); !good) return good;
   if (auto good = learner.validate(); !good) return good;
+  if (auto good = errors.validate(); !good) return good;
   if (!(prediction_step_ms >= 1 && prediction_step_ms <= 50)) {
     return fail(Fault::invalid_config, "prediction_step_ms must lie in [1, 50]");
   }
@@ -69,6 +74,7 @@ RelativeEstimatorConfig RelativeEstimatorConfig::paper() {
   config.filter = RelativeFilterConfig::paper();
   config.reprojection_max_px = 10;
   config.calibrate_at_rest = false;
+  config.learn_led_errors = false;
   config.tell_apart = false;
   config.keep_rivals = false;
   config.search_lean_deg = 180;
@@ -80,6 +86,7 @@ RelativeEstimatorConfig RelativeEstimatorConfig::camera_only() {
   config.prediction_step_ms = 50;  // nothing happens between pictures
   config.search_lean_deg = 180;
   config.filter = RelativeFilterConfig::camera_only();
+  config.learn_led_errors = false;  // how far they are off, is to be learnt, too
   config.learn_leds = true;
   // Three of them lie within the limits of a wrong pose, 0.15 m and 15 deg.
   config.told_sd_m = 0.05;
@@ -111,7 +118,10 @@ RelativeEstimator::RelativeEstimator(const RelativeEstimatorConfig& config,
       filter_(std::move(filter)),
       rivals_(config.rivals, rig.camera, filter_),
       doubt_(config.doubt),
-      learner_(config.learner, rig.camera, rig.leds) {}
+      errors_(config.errors, rig.leds, std::max(config.filter.led_position_sd_m, 1e-4)),
+      learner_(config.learner, rig.camera, rig.leds) {
+  if (config.learn_led_errors) filter_.correct_leds(errors_.leds(), errors_.cov());
+}
 
 Result<RelativeEstimator> RelativeEstimator::create(
     const RelativeEstimatorConfig& config, const Rig& rig) {
@@ -178,14 +188,33 @@ bool RelativeEstimator::fuse(const CameraFrame& frame, const MotionSource& motio
   } else if (filter_.initialized()) {
     // Just found, a prediction without speed says little of where LEDs are next.
     fresh_ = fresh_ && filter_.velocity_sd() > config_.known_sd_m_s;
-    if (follow(frame, out, probe)) {
+    const bool missed = misses_ >= config_.misses_before_search ||
+                        to_seconds(frame.captured - last_sight_) > kLongUnseen;
+    if (missed && taken_up_ == 0 && config_.tell_apart) before_taken_up_ = filter_;
+    const bool followed = follow(frame, out, probe);
+    if (followed && missed && to_be_confirmed()) {
+      ++taken_up_;
+      out.tracked = false;
+      out.why_not = "too few LEDs to be sure at once";
+    } else if (followed) {
+      taken_up_ = 0;
       misses_ = 0;
+      if (out.tracked && seen_soundly()) sound_ = filter_;
       if (!contradicted(frame, out, probe)) {
         confirmations_ = 0;
         doubt(out);
       }
     } else if (++misses_ >= config_.misses_before_search || fresh_ ||
                to_seconds(frame.captured - last_sight_) > kLongUnseen) {
+      if (taken_up_ > 0) {
+        // They were none: the prediction goes on as if they had not been seen.
+        taken_up_ = 0;
+        go_back_to(*before_taken_up_, frame.captured, motion);
+      } else if (misses_ == config_.misses_before_search && sound_ &&
+                 to_seconds(last_sight_ - sound_->time()) < config_.sound_s) {
+        // What hides LEDs one by one first hides parts of them.
+        go_back_to(*sound_, frame.captured, motion);
+      }
       search(frame, motion, out, probe);
     }
   } else {
@@ -215,6 +244,39 @@ bool RelativeEstimator::fuse(const CameraFrame& frame, const MotionSource& motio
     if (to_seconds(frame.captured - last_told_) > config_.forget_after_s) begin_anew();
   }
   return true;
+}
+
+bool RelativeEstimator::to_be_confirmed() const {
+  return config_.tell_apart && filter_.last_report().used < config_.search_leds &&
+         taken_up_ < config_.search_confirmations - 1;
+}
+
+bool RelativeEstimator::seen_soundly() const {
+  const UpdateReport& report = filter_.last_report();
+  double nis = 0;
+  for (const ObservationReport& o : report.seen) nis += o.nis;
+  return config_.tell_apart && report.used >= config_.sound_leds &&
+         nis < kSoundNis * 2 * report.used && resolver_.whole();
+}
+
+void RelativeEstimator::go_back_to(const RelativeFilter& then, Time t,
+                                   const MotionSource& motion) {
+  filter_ = then;
+  // LEDs have been learnt since.
+  if (config_.learn_led_errors) {
+    filter_.correct_leds(leds_, errors_.cov());
+  } else if (learning_) {
+    filter_.correct_leds(leds_, learner_.cov());
+  }
+  const auto done = filter_.predict_through(
+      t, step_, [&](Time at) { return motion.at(at, filter_.state()); });
+  if (!done) filter_.stop();
+}
+
+void RelativeEstimator::forget_past() {
+  sound_.reset();
+  before_taken_up_.reset();
+  taken_up_ = 0;
 }
 
 bool RelativeEstimator::follow(const CameraFrame& frame, FrameReport& out,
@@ -341,10 +403,14 @@ bool RelativeEstimator::accept(const LedFrame& leds, std::size_t agreeing,
   }
   const bool lost = to_seconds(leds.t - last_sight_) > kLongUnseen;
   std::optional<RelativeFilter> before;
-  if (rms_max_px < kAnyFit || lost) before = filter_;
-  auto report = filter_.update(leds, agreeing);
-  if (report && (report->reprojection_px > rms_max_px ||
-                 (lost && !leans_as_known(filter_.state().R_NB)))) {
+  const bool vague = (lost || misses_ > 0) && leds.led_count() < config_.search_leds;
+  if (rms_max_px < kAnyFit || lost || vague) before = filter_;
+  LedInformation told;
+  const bool telling = config_.learn_led_errors && !expecting_;
+  auto report = filter_.update(leds, agreeing, telling ? &told : nullptr);
+  if (report &&
+      (report->reprojection_px > rms_max_px || (vague && report->moved > kMovedMost) ||
+       (lost && !leans_as_known(filter_.state().R_NB)))) {
     filter_ = *before;
     report = fail(Fault::ambiguous);
   }
@@ -386,6 +452,10 @@ bool RelativeEstimator::accept(const LedFrame& leds, std::size_t agreeing,
     usual_misfit_ = std::max(usual_misfit_, misfit_least_);
   }
   if (out.tracked && config_.learn_leds && !expecting_) learn_leds(leds, *report);
+  if (out.tracked && telling &&
+      static_cast<std::size_t>(leds.led_count()) >= kTellingLeds) {
+    learn_led_errors(told, leds.t);
+  }
   return out.tracked;
 }
 
@@ -409,8 +479,11 @@ void RelativeEstimator::begin_anew() {
   filter_.set_rig(camera_, leds_, config_.filter.led_position_sd_m);
   tracker_.set_rig(camera_, leds_, config_.tracker.led_sd_m);
   resolver_.set_rig(camera_, leds_);
+  errors_.forget();
+  if (config_.learn_led_errors) filter_.correct_leds(leds_, errors_.cov());
   leds_moved_ = true;
   learning_ = false;
+  forget_past();
   usual_misfit_ = 0;
   remember_fit(0, 0);
 }
@@ -431,9 +504,20 @@ void RelativeEstimator::learn_leds(const LedFrame& leds, const UpdateReport& rep
   if (!learning_ || steps_ == 0) return;
   --steps_;
   if (!learner_.step()) return;
-  leds_ = learner_.leds();
-  filter_.correct_leds(leds_, learner_.cov());
-  tracker_.set_rig(camera_, leds_, config_.tracker.led_sd_m);
+  take_leds(learner_.leds(), learner_.cov());
+}
+
+void RelativeEstimator::learn_led_errors(const LedInformation& told, Time t) {
+  const Seconds since = std::clamp(to_seconds(t - last_told_of_leds_), 0.0, 60.0);
+  last_told_of_leds_ = t;
+  (void)errors_.add(told, since);
+  take_leds(errors_.leds(), errors_.cov());
+}
+
+void RelativeEstimator::take_leds(const Constellation& leds, const LedCovariance& cov) {
+  leds_ = leds;
+  filter_.correct_leds(leds_, cov);
+  tracker_.set_rig(camera_, leds_);
   resolver_.set_rig(camera_, leds_);
   leds_moved_ = true;
 }
@@ -485,13 +569,16 @@ Result<RestFit> RelativeEstimator::calibrate_at_rest() {
   if (!fit) return fail(fit.error());
   camera_ = fit->camera;
   leds_ = fit->leds;
+  errors_.measured(leds_, fit->led_cov);
   // One that was not seen at rest is known no better than before.
   const bool all = static_cast<int>(seen.size()) == leds_.size();
   const double led_sd_m = all ? config_.rest_led_sd_m : config_.rest.led_sd_m;
+  config_.finder.led_sd_m = led_sd_m;
   tracker_.set_rig(camera_, leds_, led_sd_m);
   finder_.set_rig(camera_, leds_, led_sd_m);
   resolver_.set_rig(camera_, leds_);
   const Time t = filter_.time();
+  forget_past();
   filter_.set_rig(camera_, leds_, led_sd_m);
   rivals_.set_rig(camera_, filter_);
   config_.learn_leds = learning_ = leds_moved_ = false;
@@ -503,6 +590,7 @@ Result<RestFit> RelativeEstimator::calibrate_at_rest() {
   Covariance9 cov = Covariance9::Zero();
   cov.diagonal() << Vector3::Constant(2.5e-5), Vector3::Constant(1e-3),
       Vector3::Constant(1e-4);
+  if (config_.learn_led_errors) filter_.correct_leds(leds_, errors_.cov());
   filter_.reset(t, x, cov);
   return fit;
 }
@@ -537,8 +625,8 @@ MotionState RelativeEstimator::carried_on(MotionState from, Time t_from, Time t,
 
 void RelativeEstimator::restart_disturbance(const Vector3& b_N) {
   if (!filter_.initialized()) return;
-  filter_.reset(filter_.time(), filter_.state(), filter_.tracking_covariance(),
-                Vector3::Zero(), b_N);
+  forget_past();
+  filter_.restart_disturbance(b_N);
 }
 
 }  // namespace alight

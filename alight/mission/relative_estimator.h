@@ -1,4 +1,5 @@
 #pragma once
+#include "alight/estimation/led_errors.h"
 #include "alight/estimation/led_learner.h"
 #include "alight/estimation/relative_filter.h"
 #include "alight/estimation/rest_calibration.h"
@@ -30,6 +31,9 @@ struct RelativeEstimatorConfig {
   std::size_t held_leds = 4;      ///< So many told one by one among lamps do without
                                   ///< the tracker.
   RelativeFilterConfig filter;
+  bool learn_led_errors = true;  ///< Where LEDs are, beside the state, from each
+                                 ///< picture of enough of them to tell.
+  LedErrorsConfig errors;
   bool learn_leds = false;  ///< Where LEDs are, once residuals show them to be off by
   double learn_leds_from_m = 0.0003;  ///< this much (sd).
   LedLearnerConfig learner;
@@ -49,13 +53,16 @@ struct RelativeEstimatorConfig {
   // Fewer than three LEDs do for a pose that is known this well (sd) with them:
   double known_sd_m = 0.05;
   double known_sd_deg = 7;
-  double known_sd_m_s = 0.2;        ///< Speed is known, after the LEDs were lost.
-  double told_sd_m = 0;             ///< A pose that is less well known (sd) in some
-  double told_sd_deg = 0;           ///< direction, with what LEDs do to it that may be
-                                    ///< off, is not told. 0: all are.
-  int misses_before_search = 3;     ///< Frames without a match before the whole picture
-                                    ///< is searched,
-  int leds_after_misses = 4;        ///< and LEDs needed to be taken up again from then,
+  double known_sd_m_s = 0.2;     ///< Speed is known, after the LEDs were lost.
+  double told_sd_m = 0;          ///< A pose that is less well known (sd) in some
+  double told_sd_deg = 0;        ///< direction, with what LEDs do to it that may be
+                                 ///< off, is not told. 0: all are.
+  int misses_before_search = 3;  ///< Frames without a match before the whole picture
+                                 ///< is searched,
+  int leds_after_misses = 4;     ///< and LEDs needed to be taken up again from then,
+  // LEDs that are lost may have been covered in part before: the prediction goes on
+  int sound_leds = 3;               ///< from when so many were last seen well,
+  double sound_s = 0.5;             ///< if that is not longer ago.
   int lights_after_misses = 2;      ///< among so many lights for each LED at most.
   double forget_after_s = 2;        ///< Prediction alone is believed this long.
   double reprojection_max_px = 4;   ///< A worse fit counts as a miss.
@@ -120,7 +127,10 @@ class RelativeEstimator {
   /// The specific force that the model could not know at lift-off, as a disturbance
   /// that turns with N; what was learnt before is forgotten.
   void restart_disturbance(const Vector3& b_N);
-  void forget() { filter_.stop(); }
+  void forget() {
+    filter_.stop();
+    forget_past();
+  }
 
   /// Where the drone stands, roughly, while nothing else is known of it: a search that
   /// finds no single answer is decided by it. `cov` of (dp_NB, dR in B).
@@ -145,6 +155,13 @@ class RelativeEstimator {
   RelativeEstimator(const RelativeEstimatorConfig& config, const Rig& rig,
                     BlobDetector detector, LedFinder finder, LedTracker tracker,
                     LedResolver resolver, RelativeFilter filter);
+  /// So few LEDs seen again may be lamps, until pictures in a row show them.
+  bool to_be_confirmed() const;
+  /// The last picture shows enough LEDs, as they were expected and nothing before them.
+  bool seen_soundly() const;
+  /// The filter as it was once, carried to `t`; what was learnt of the rig stays.
+  void go_back_to(const RelativeFilter& then, Time t, const MotionSource& motion);
+  void forget_past();
   void search(const CameraFrame& frame, const MotionSource& motion, FrameReport& out,
               Probe* probe);
   /// A pose found from blobs, made as exact as the pixels allow.
@@ -197,6 +214,9 @@ class RelativeEstimator {
   void remember_fit(int leds, double rms_px);
   bool would_jump(const LedFrame& leds) const;
   void learn_leds(const LedFrame& leds, const UpdateReport& report);
+  void learn_led_errors(const LedInformation& told, Time t);
+  /// The LEDs as learnt, for all that look for them.
+  void take_leds(const Constellation& leds, const LedCovariance& cov);
 
   RelativeEstimatorConfig config_;
   Time step_;
@@ -212,6 +232,8 @@ class RelativeEstimator {
   PoseDoubt doubt_;
   FixedVector<LedObservation, kMaxLeds> seen_;  // last, each of one LED,
   std::size_t seen_alone_ = 0;                  // and how many of them stand alone
+  LedErrors errors_;
+  Time last_told_of_leds_ = 0;
   LedLearner learner_;
   bool learning_ = false;    // residuals have shown that LEDs are off
   int steps_ = 0;            // that the learner still is to make
@@ -232,8 +254,11 @@ class RelativeEstimator {
   int misses_ = 0;
   bool fresh_ = false;        // just found, its speed is not known yet
   bool found_again_ = false;  // the same, after it was lost
-  int doubts_ = 0;            // pictures in a row with LEDs missing
-  int confirmations_ = 0;     // of the answer that contradicts the prediction
+  int taken_up_ = 0;  // pictures in a row with few LEDs seen again, not yet confirmed
+  // As it was before them, and when LEDs were last seen well.
+  std::optional<RelativeFilter> before_taken_up_, sound_;
+  int doubts_ = 0;         // pictures in a row with LEDs missing
+  int confirmations_ = 0;  // of the answer that contradicts the prediction
   Pose X_NB_contrary_ = Pose::Identity();
   bool on_floor_ = false;
   bool expecting_ = false;

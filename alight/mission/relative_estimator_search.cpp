@@ -232,6 +232,7 @@ void RelativeEstimator::go_on_from(const FoundLeds& found, Time t, FrameReport& 
         {usual_misfit_, misfit_least_, found.fit.rms_px * lens_distance(x.p_NB)});
   }
   remember_fit(found.frame.led_count(), found.fit.rms_px);
+  forget_past();
   rivals_.clear();
   doubt_.clear();
   misses_ = 0;

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <numbers>
 
 #include "alight/base/bounds.h"
 #include "alight/base/median.h"
@@ -149,6 +150,37 @@ void LedResolver::learn(const Patch& patch) {
       (std::clamp(fit.chi2_per_pixel, kNoiseLeast, kNoiseMost) - noise_) / judged_;
 }
 
+LedResolver::Lights LedResolver::lights_of(const Patches& patches, BlobSpan blobs,
+                                           const Assignment& match) {
+  Lights lights;
+  for (const Patch& patch : patches) {
+    for (std::size_t k = 0; k < patch.members.size(); ++k) {
+      const auto i = static_cast<std::size_t>(patch.members[k]);
+      if (patch.fit) {
+        lights.heights[i] = patch.fit->height[k];
+      } else if (match.blob[i] >= 0 && patch.members.size() == 1) {
+        lights.areas_px[i] = blobs[static_cast<std::size_t>(match.blob[i])].area_px;
+      }
+    }
+  }
+  return lights;
+}
+
+void LedResolver::compare_lights(const Look& look, const Patches& patches,
+                                 const Pose& X_NB) {
+  const Lights lights = lights_of(patches, look.blobs, look.match);
+  const double range_m = (X_NB.translation() - camera_.X_NC.translation()).norm();
+  share_.look(lights.heights, range_m);
+  area_share_.look(lights.areas_px, range_m);
+}
+
+Matrix2 LedResolver::displacement(int led, const Blob& blob) const {
+  // An even disc has half its radius for standard deviation.
+  const double off =
+      area_share_.displaced_px(led, std::sqrt(blob.area_px / std::numbers::pi) / 2);
+  return off * off * Matrix2::Identity();
+}
+
 void LedResolver::learn_spread(const Patch& patch) {
   if (!patch.fit) return;
   const SpotFit& fit = *patch.fit;
@@ -182,8 +214,19 @@ void LedResolver::add(const Patch& patch, BlobSpan blobs, const Assignment& matc
   const double usual = std::max(noise_, kNoiseLeast);
   const double pull2 =
       std::clamp(fit.chi2_per_pixel / (kEdge * usual), 1.0, kEdgePull2);
-  const GroupMatrix measured =
+  GroupMatrix measured =
       fit.information / (pull2 * std::max(fit.chi2_per_pixel, usual));
+  const double spread_px = std::sqrt(spread_.variance_px2);
+  for (int k = 0; k < fit.count; ++k) {
+    const double off =
+        share_.displaced_px(patch.members[static_cast<std::size_t>(k)], spread_px);
+    if (off == 0) continue;
+    // The light's own rows and columns, as if its place varied by so much more.
+    const double share =
+        1 / std::sqrt(1 + off * off * measured.diagonal().segment<2>(2 * k).mean());
+    measured.middleRows<2>(2 * k) *= share;
+    measured.middleCols<2>(2 * k) *= share;
+  }
   const GroupMatrix cov_all = marginals(measured);
   FixedVector<int, kMaxGroup> keep;
   for (int k = 0; k < fit.count; ++k) {
@@ -369,6 +412,9 @@ void LedResolver::learn_from(const Look& look, const Patches& patches) {
     learn_spread(patch);
   }
   learn_skirt(look, patches);
+  const Lights lights = lights_of(patches, look.blobs, look.match);
+  share_.learn(lights.heights);
+  area_share_.learn(lights.areas_px);
 }
 
 LedResolver::Patches LedResolver::patches(const LedImages& images, BlobSpan blobs,
@@ -442,11 +488,17 @@ void LedResolver::resolve(const ImageView& image, BlobSpan blobs,
                 patch.members.end() &&
             std::popcount(o.leds) == static_cast<int>(patch.members.size())) {
           out.seen.push_back(o);
+          const int j = match.blob[static_cast<std::size_t>(first)];
+          if (patch.members.size() == 1 && j >= 0) {
+            out.seen.back().cov +=
+                displacement(first, blobs[static_cast<std::size_t>(j)]);
+          }
         }
       }
     }
     return out;
   };
+  compare_lights(look, patches, detail.X_NB_predicted);
   LedFrame out = collect();
   const bool sure = out.seen.size() >= kSureLeds;  // all of them have blobs so far
   if (!all && out.seen.size() >= 2) {
@@ -460,6 +512,7 @@ void LedResolver::resolve(const ImageView& image, BlobSpan blobs,
         if (patch.area_px == 0 && (patch.members.size() > 1 || !sure)) continue;
         fit(anew, patch);
       }
+      compare_lights(look, patches, detail.X_NB_predicted);
       out = collect();
     }
   }
@@ -524,6 +577,7 @@ std::optional<LedFrame> LedResolver::follow(const ImageView& image, BlobSpan blo
   out.t = t;
   Look look = look_at(image, blobs, match, images, blur_px, 0);
   fit_all(look, patches, [](const Patch&) { return true; });
+  compare_lights(look, patches, X_NB_predicted);
   for (Patch& patch : patches) {
     if (patch.fit) {
       add(patch, blobs, match, out);
@@ -538,7 +592,7 @@ std::optional<LedFrame> LedResolver::follow(const ImageView& image, BlobSpan blo
     LedObservation o;
     o.leds = static_cast<std::uint16_t>(1u << n);
     o.uv = blob.uv;
-    o.cov = blob.cov;
+    o.cov = blob.cov + displacement(static_cast<int>(n), blob);
     o.depth_m = blob.depth_m;
     out.seen.push_back(o);
   }
@@ -629,6 +683,7 @@ LedFrame LedResolver::hold(const ImageView& image, BlobSpan blobs,
   Look look = look_at(image, blobs, match, images, blur_px, kHoldMargin);
   Patches patches = this->patches(images, blobs, match);
   fit_all(look, patches, [](const Patch&) { return true; });
+  compare_lights(look, patches, X_NB_predicted);
   for (const Patch& patch : patches) {
     if (!patch.fit || patch.fit->chi2_per_pixel > kHoldChi2 * std::max(noise_, 1.0)) {
       continue;

@@ -1,5 +1,6 @@
 #pragma once
 #include "alight/vision/led_tracker.h"
+#include "alight/vision/light_share.h"
 #include "alight/vision/spot_fit.h"
 
 namespace alight {
@@ -63,6 +64,9 @@ class LedResolver {
 
   const PointSpread& spread() const { return spread_; }
 
+  /// Nothing covers part of a light in the picture looked at last.
+  bool whole() const { return share_.whole() && area_share_.whole(); }
+
   /// @pre as many LEDs as before.
   void set_rig(const Camera& camera, const Constellation& leds) {
     camera_ = camera;
@@ -93,6 +97,15 @@ class LedResolver {
   void learn_skirt(const Look& look, const Patches& patches);
   void look_around(const Look& look, const Patches& patches, std::size_t led);
   void learn_from(const Look& look, const Patches& patches);
+  /// How much of each light is seen: by its brightness, or a large one by its area.
+  struct Lights {
+    LightShare::Heights heights{}, areas_px{};
+  };
+  static Lights lights_of(const Patches& patches, BlobSpan blobs,
+                          const Assignment& match);
+  void compare_lights(const Look& look, const Patches& patches, const Pose& X_NB);
+  /// What part of a large light that is covered does to its place, px^2.
+  Matrix2 displacement(int led, const Blob& blob) const;
   bool is_its_own(const Blob& blob, int led, const Vector2& blur_px) const;
 
   LedResolverConfig config_;
@@ -100,10 +113,11 @@ class LedResolver {
   Constellation leds_;
   PointSpread spread_;
   std::array<double, kMaxLeds> heights_{};  // grey levels; 0: not known
-  std::uint16_t lit_ = 0;                   // LEDs seen the last time
-  double noise_ = 1;                        // chi2 per pixel to be expected,
-  double judged_ = 0;  // from so many patches, at most spread_memory
-  double known_ = 0;   // patches learnt from, at most spread_memory
+  LightShare share_, area_share_;
+  std::uint16_t lit_ = 0;  // LEDs seen the last time
+  double noise_ = 1;       // chi2 per pixel to be expected,
+  double judged_ = 0;      // from so many patches, at most spread_memory
+  double known_ = 0;       // patches learnt from, at most spread_memory
   double skirt_information_ = 0;
   int skirt_looks_ = 0, pictures_ = 0;
   std::size_t next_ = 0;  // LED around which the skirt is looked at next

@@ -51,9 +51,13 @@ class LedTracker {
   /// A rig that has been measured, to `led_sd_m`, takes the place of the one written
   /// down. @pre as many LEDs as before.
   void set_rig(const Camera& camera, const Constellation& leds, double led_sd_m) {
+    set_rig(camera, leds);
+    config_.led_sd_m = led_sd_m;
+  }
+  /// As above, known as well as before.
+  void set_rig(const Camera& camera, const Constellation& leds) {
     camera_ = camera;
     leds_ = leds;
-    config_.led_sd_m = led_sd_m;
   }
 
   /// Part of the picture that holds the LEDs; empty when the prediction lies outside.

@@ -56,6 +56,16 @@ class Picture {
     }
   }
 
+  /// Dark left of the column `u`.
+  void cover(int u) {
+    const int right = std::clamp(u, 0, width_);
+    for (int v = 0; v < height_; ++v) {
+      for (int i = 0; i < 3 * right; ++i) {
+        bytes_[static_cast<std::size_t>(3 * v * width_ + i)] = 3;
+      }
+    }
+  }
+
   void dot(int u, int v, std::uint8_t value) {
     bytes_[static_cast<std::size_t>((v * width_ + u) * 3)] = value;
   }
@@ -494,9 +504,84 @@ TEST(RelativeEstimator, AfterMissesTooFewLedsAreNotFused) {
   c.follow(30);
   c.picture.clear();
   for (int i = 0; i < config.misses_before_search; ++i) c.fuse(c.now += kFrame);
-  c.now += kFrame;
-  c.look(c.now, 0x15);
-  EXPECT_TRUE(c.report.tracked) << c.report.why_not;
+  for (int i = 1; i <= config.search_confirmations; ++i) {
+    c.now += kFrame;
+    c.look(c.now, 0x15);
+    EXPECT_EQ(c.report.tracked, i == config.search_confirmations) << i;
+  }
+}
+
+TEST(RelativeEstimator, FewLedsSeenAgainMustBeConfirmed) {
+  const auto config = Watch::config_for_tests();
+  Watch w;
+  w.follow(30);
+  const auto miss = [&](int pictures) {
+    for (int i = 0; i < pictures; ++i) {
+      w.picture.clear();
+      w.fuse(w.now += kFrame);
+    }
+  };
+  miss(config.misses_before_search);
+  for (int i = 1; i <= config.search_confirmations; ++i) {
+    w.now += kFrame;
+    w.look(w.now, 0x0f);
+    EXPECT_EQ(w.report.tracked, i == config.search_confirmations) << i;
+  }
+}
+
+// Four lights that are gone again were none of its LEDs.
+TEST(RelativeEstimator, LightsThatAreNotConfirmedChangeNothing) {
+  const auto config = Watch::config_for_tests();
+  Watch w, unaware;
+  const auto fuse = [&](Watch& watch, unsigned which) {
+    watch.now += kFrame;
+    watch.look(watch.now, which);
+  };
+  for (Watch* watch : {&w, &unaware}) {
+    watch->follow(30);
+    for (int i = 0; i < config.misses_before_search; ++i) fuse(*watch, 0);
+  }
+  fuse(w, 0x0f);
+  EXPECT_FALSE(w.report.tracked);
+  EXPECT_FALSE(w.report.leds.empty());
+  fuse(unaware, 0);
+  for (Watch* watch : {&w, &unaware}) fuse(*watch, 0);
+  EXPECT_LT(
+      (w.estimator.filter().state().p_NB - unaware.estimator.filter().state().p_NB)
+          .norm(),
+      1e-9);
+}
+
+// An edge moves over the LEDs of a drone that stands still: it hides them one by one,
+// each half before it is gone. What halves tell is no speed.
+TEST(RelativeEstimator, WhatHidesLedsMakesNoSpeed) {
+  // The slower, the longer ago LEDs were seen well.
+  const struct {
+    double px_per_picture, most_m_s;
+  } edges[] = {{0.7, 0.3}, {1.5, 0.1}, {4, 0.1}};
+  for (const auto& [px_per_picture, most_m_s] : edges) {
+    SCOPED_TRACE(px_per_picture);
+    Watch w(RelativeEstimatorConfig{}, small_rig());
+    const Pose X_NB = Watch::sway(0);
+    double edge = 0;
+    const auto look = [&] {
+      w.draw(X_NB);
+      w.picture.cover(static_cast<int>(edge));
+      w.again();
+    };
+    for (int i = 0; i < 90; ++i) look();
+    ASSERT_TRUE(w.report.tracked) << w.report.why_not;
+    double first = 1e9, last = 0;
+    for (int i = 0; i < w.truth.leds.size(); ++i) {
+      const auto uv = project_led(w.truth.camera, X_NB, w.truth.leds.p_BL(i));
+      first = std::min(first, uv->x());
+      last = std::max(last, uv->x());
+    }
+    for (edge = first - 8; edge < last + 8; edge += px_per_picture) look();
+    for (int i = 0; i < 10; ++i) look();
+    ASSERT_FALSE(w.report.tracked);
+    EXPECT_LT(w.estimator.filter().state().v_NB.norm(), most_m_s);
+  }
 }
 
 // A drone that stands still by the lens, and leaves the picture LED by LED.
