@@ -11,7 +11,7 @@ namespace {
 // three and more say so that agree as well as this.
 constexpr double kExposure = 0.05, kAgree = 0.1;
 constexpr double kNearest_m = 0.1;
-constexpr double kSds = 3;  // of how unsteady lights are; a light that is dimmer is cut
+constexpr double kSds = 4;  // of how unsteady lights are; a light that is dimmer is cut
 // An edge that lets through the share q of a Gaussian light of unit spread moves its
 // middle by pdf / q, with the normal density where the edge stands: nearly a straight
 // line in q down to a half.
