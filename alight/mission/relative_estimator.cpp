@@ -440,8 +440,10 @@ bool RelativeEstimator::accept(const LedFrame& leds, std::size_t agreeing,
   for (const RefusedBlob& refused : report->refused) out.refused.push_back(refused);
   out.reprojection_px = report->reprojection_px;
   // Fewer than three directions leave the pose to the prediction.
+  const double worst_px = expecting_ ? rest_rms_max_px(filter_.state().X_NB())
+                                     : config_.reprojection_max_px;
   out.tracked =
-      report->reprojection_px < config_.reprojection_max_px &&
+      report->reprojection_px < worst_px &&
       ((report->used >= 3 && !fresh_) || (config_.tell_apart && well_known()));
   if (!out.tracked) out.why_not = "too few LEDs fit";
   if (out.tracked) remember_fit(leds.led_count(), out.reprojection_px);

@@ -180,6 +180,9 @@ class RelativeEstimator {
   Rivals rivals_of(FoundLeds& found) const;
   /// Worst fit of pixels that LEDs as far as they may be off explain.
   double placed_rms_max_px(const Pose& X_NB) const;
+  /// Worst fit of a drone that stands where it is expected, by the lens, with LEDs that
+  /// are off as far as they may be: there that is many pixels.
+  double rest_rms_max_px(const Pose& X_NB) const;
   void go_on_from(const FoundLeds& found, Time t, FrameReport& out);
   /// Where LEDs stay unseen, they may be taken for one another: whether a pose that
   /// explains more of them is far from the one followed. Seen in several pictures in a

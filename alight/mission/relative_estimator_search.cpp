@@ -332,6 +332,10 @@ double RelativeEstimator::placed_rms_max_px(const Pose& X_NB) const {
   return config_.placed_sds * std::hypot(config_.placed_sd_px, led_px);
 }
 
+double RelativeEstimator::rest_rms_max_px(const Pose& X_NB) const {
+  return std::max(config_.reprojection_max_px, placed_rms_max_px(X_NB));
+}
+
 bool RelativeEstimator::believable(const FoundLeds& found, Time t) {
   // Just where it is expected no lamps stand by chance.
   if (near(filter_.state().X_NB(), found.fit.X_NB, config_.expected_within_m,
@@ -392,7 +396,7 @@ Result<FoundLeds> RelativeEstimator::find_expected(BlobSpan blobs, Time t) const
       refine_pose(camera_, leds_, {found.frame.seen.data(), found.frame.seen.size()},
                   X_NB_expected_, &information);
   if (!fit) return fail(fit.error());
-  if (fit->rms_px > config_.reprojection_max_px) return fail(Fault::degenerate);
+  if (fit->rms_px > rest_rms_max_px(fit->X_NB)) return fail(Fault::degenerate);
   Vector6 off;
   off << fit->X_NB.translation() - X_NB_expected_.translation(),
       so3_log(X_NB_expected_.linear().transpose() * fit->X_NB.linear());

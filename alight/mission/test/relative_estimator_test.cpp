@@ -673,6 +673,23 @@ TEST(RelativeEstimator, FourLedsThatAreOffStartADroneWhereItIsKnownToStand) {
   EXPECT_LE(unknown, 6);
 }
 
+// By the lens a few mm are many pixels.
+TEST(RelativeEstimator, AllLedsThatAreOffStartADroneWhereItIsKnownToStand) {
+  int tracked = 0, wide = 0;
+  for (unsigned seed = 1; seed <= 100; ++seed) {
+    AtRest w(seed);
+    for (int i = 0; i < w.rig.leds.size(); ++i) {
+      Vector3& p_BL = w.truth.leds.leds[static_cast<std::size_t>(i)].p_BL;
+      p_BL += 0.5 * (p_BL - w.rig.leds.p_BL(i));
+    }
+    w.expect();
+    tracked += w.stand(10) > 0;
+    wide += w.report.reprojection_px > AtRest::config().reprojection_max_px;
+  }
+  EXPECT_GE(tracked, 99);
+  EXPECT_GE(wide, 2);
+}
+
 TEST(RelativeEstimator, AtRestARepeatedPictureIsOneOnlyOfACameraThatHasNoise) {
   RelativeEstimatorConfig config = AtRest::config();
   config.frozen_pictures = 2;
