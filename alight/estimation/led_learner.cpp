@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "alight/base/bounds.h"
+#include "alight/estimation/huber.h"
 
 namespace alight {
 namespace {
@@ -114,7 +115,7 @@ bool LedLearner::add_to_normal_equations(Picture& picture) {
     const Vector2 r = image.uv - *uv;
     double w = 1 / (image.variance_px2 + own);
     const double e = std::sqrt(w) * r.norm();
-    if (e > kHuber) w *= kHuber / e;
+    w *= huber_weight(e * e, kHuber);
     const Eigen::Matrix<double, 2, 3> J_led = J.leftCols<3>() * picture.X_NB.linear();
     A.noalias() += w * J.transpose() * J;
     b.noalias() += w * J.transpose() * r;

@@ -371,18 +371,17 @@ RelativeFilter::Verdict RelativeFilter::judge(const LedObservation* seen,
     if (!uv || !(z > 0)) return Verdict::improbable;
     const int n = std::popcount(o.leds);
     const Vector2 led = led_variance(o.leds, H_k, X_NB.linear(), z);
-    H.template middleRows<2>(2 * k) = H_k;
-    innovation.template segment<2>(2 * k) = o.uv - *uv;
-    drawn.template segment<2>(2 * k) = white * led + Vector2::Constant(pixel / n);
-    constant.template segment<2>(2 * k) = (1 - white) * led;
+    Vector2 anew = white * led, stays = (1 - white) * led;
     if (leds_learnt_ && config_.led_aspect_sd_m > 0) {
       const double aspect = config_.led_aspect_sd_m / z;
       const Intrinsics& lens = camera_.intrinsics;
-      drawn.template segment<2>(2 * k) =
-          aspect * aspect / n * Vector2(lens.fx, lens.fy).cwiseAbs2() +
-          Vector2::Constant(pixel / n);
-      constant.template segment<2>(2 * k) = led;
+      anew = aspect * aspect / n * Vector2(lens.fx, lens.fy).cwiseAbs2();
+      stays = led;
     }
+    H.template middleRows<2>(2 * k) = H_k;
+    innovation.template segment<2>(2 * k) = o.uv - *uv;
+    drawn.template segment<2>(2 * k) = anew + Vector2::Constant(pixel / n);
+    constant.template segment<2>(2 * k) = stays;
     MeasuredImage image{.leds = o.leds, .uv = o.uv};
     add_depth(o, X_NB, P, z, image);
     m.images.push_back(image);

@@ -188,11 +188,10 @@ bool RelativeEstimator::fuse(const CameraFrame& frame, const MotionSource& motio
   } else if (filter_.initialized()) {
     // Just found, a prediction without speed says little of where LEDs are next.
     fresh_ = fresh_ && filter_.velocity_sd() > config_.known_sd_m_s;
-    const bool missed = misses_ >= config_.misses_before_search ||
-                        to_seconds(frame.captured - last_sight_) > kLongUnseen;
-    if (missed && taken_up_ == 0 && config_.tell_apart) before_taken_up_ = filter_;
+    const bool lost = missed(frame.captured);
+    if (lost && taken_up_ == 0 && config_.tell_apart) before_taken_up_ = filter_;
     const bool followed = follow(frame, out, probe);
-    if (followed && missed && to_be_confirmed()) {
+    if (followed && lost && to_be_confirmed()) {
       ++taken_up_;
       out.tracked = false;
       out.why_not = "too few LEDs to be sure at once";
@@ -204,8 +203,7 @@ bool RelativeEstimator::fuse(const CameraFrame& frame, const MotionSource& motio
         confirmations_ = 0;
         doubt(out);
       }
-    } else if (++misses_ >= config_.misses_before_search || fresh_ ||
-               to_seconds(frame.captured - last_sight_) > kLongUnseen) {
+    } else if (++misses_; fresh_ || missed(frame.captured)) {
       if (taken_up_ > 0) {
         // They were none: the prediction goes on as if they had not been seen.
         taken_up_ = 0;
@@ -244,6 +242,14 @@ bool RelativeEstimator::fuse(const CameraFrame& frame, const MotionSource& motio
     if (to_seconds(frame.captured - last_told_) > config_.forget_after_s) begin_anew();
   }
   return true;
+}
+
+bool RelativeEstimator::unseen_for_long(Time t) const {
+  return to_seconds(t - last_sight_) > kLongUnseen;
+}
+
+bool RelativeEstimator::missed(Time t) const {
+  return misses_ >= config_.misses_before_search || unseen_for_long(t);
 }
 
 bool RelativeEstimator::to_be_confirmed() const {
@@ -304,8 +310,7 @@ bool RelativeEstimator::follow(const CameraFrame& frame, FrameReport& out,
   // pass for LEDs.
   // So it is while its speed is hardly known, just after it was found again.
   found_again_ = found_again_ && filter_.velocity_sd() > config_.known_sd_m_s;
-  const bool missed = misses_ >= config_.misses_before_search || found_again_ ||
-                      to_seconds(frame.captured - last_sight_) > kLongUnseen;
+  const bool missed = found_again_ || this->missed(frame.captured);
   // Four lamps always lie as four LEDs do, somewhere within half a metre.
   const int again = missed && filter_.position_sd() > kVaguePlace_m
                         ? std::max(config_.search_leds, config_.leds_after_misses)
@@ -401,7 +406,7 @@ bool RelativeEstimator::accept(const LedFrame& leds, std::size_t agreeing,
     out.why_not = "too few LEDs are left for a rig that is this far off";
     return false;
   }
-  const bool lost = to_seconds(leds.t - last_sight_) > kLongUnseen;
+  const bool lost = unseen_for_long(leds.t);
   std::optional<RelativeFilter> before;
   const bool vague = (lost || misses_ > 0) && leds.led_count() < config_.search_leds;
   if (rms_max_px < kAnyFit || lost || vague) before = filter_;

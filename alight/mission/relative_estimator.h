@@ -60,10 +60,10 @@ struct RelativeEstimatorConfig {
   int misses_before_search = 3;  ///< Frames without a match before the whole picture
                                  ///< is searched,
   int leds_after_misses = 4;     ///< and LEDs needed to be taken up again from then,
+  int lights_after_misses = 2;   ///< among so many lights for each LED at most.
   // LEDs that are lost may have been covered in part before: the prediction goes on
   int sound_leds = 3;               ///< from when so many were last seen well,
   double sound_s = 0.5;             ///< if that is not longer ago.
-  int lights_after_misses = 2;      ///< among so many lights for each LED at most.
   double forget_after_s = 2;        ///< Prediction alone is believed this long.
   double reprojection_max_px = 4;   ///< A worse fit counts as a miss.
   double search_gate_m = 0.5;       ///< A search's answer this near to the prediction
@@ -155,6 +155,10 @@ class RelativeEstimator {
   RelativeEstimator(const RelativeEstimatorConfig& config, const Rig& rig,
                     BlobDetector detector, LedFinder finder, LedTracker tracker,
                     LedResolver resolver, RelativeFilter filter);
+  /// Since the last sight, be it that no picture came.
+  bool unseen_for_long(Time t) const;
+  /// The LEDs were lost before the picture of `t`.
+  bool missed(Time t) const;
   /// So few LEDs seen again may be lamps, until pictures in a row show them.
   bool to_be_confirmed() const;
   /// The last picture shows enough LEDs, as they were expected and nothing before them.

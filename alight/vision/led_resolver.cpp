@@ -150,28 +150,23 @@ void LedResolver::learn(const Patch& patch) {
       (std::clamp(fit.chi2_per_pixel, kNoiseLeast, kNoiseMost) - noise_) / judged_;
 }
 
-LedResolver::Lights LedResolver::lights_of(const Patches& patches, BlobSpan blobs,
-                                           const Assignment& match) {
-  Lights lights;
+void LedResolver::compare_lights(const Look& look, const Patches& patches,
+                                 const Pose& X_NB) {
+  LightShare::Heights heights{}, areas_px{};
   for (const Patch& patch : patches) {
     for (std::size_t k = 0; k < patch.members.size(); ++k) {
       const auto i = static_cast<std::size_t>(patch.members[k]);
+      const int j = look.match.blob[i];
       if (patch.fit) {
-        lights.heights[i] = patch.fit->height[k];
-      } else if (match.blob[i] >= 0 && patch.members.size() == 1) {
-        lights.areas_px[i] = blobs[static_cast<std::size_t>(match.blob[i])].area_px;
+        heights[i] = patch.fit->height[k];
+      } else if (j >= 0 && patch.members.size() == 1) {
+        areas_px[i] = look.blobs[static_cast<std::size_t>(j)].area_px;
       }
     }
   }
-  return lights;
-}
-
-void LedResolver::compare_lights(const Look& look, const Patches& patches,
-                                 const Pose& X_NB) {
-  const Lights lights = lights_of(patches, look.blobs, look.match);
   const double range_m = (X_NB.translation() - camera_.X_NC.translation()).norm();
-  share_.look(lights.heights, range_m);
-  area_share_.look(lights.areas_px, range_m);
+  share_.look(heights, range_m);
+  area_share_.look(areas_px, range_m);
 }
 
 Matrix2 LedResolver::displacement(int led, const Blob& blob) const {
@@ -412,9 +407,8 @@ void LedResolver::learn_from(const Look& look, const Patches& patches) {
     learn_spread(patch);
   }
   learn_skirt(look, patches);
-  const Lights lights = lights_of(patches, look.blobs, look.match);
-  share_.learn(lights.heights);
-  area_share_.learn(lights.areas_px);
+  share_.learn();
+  area_share_.learn();
 }
 
 LedResolver::Patches LedResolver::patches(const LedImages& images, BlobSpan blobs,

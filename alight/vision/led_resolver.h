@@ -98,11 +98,6 @@ class LedResolver {
   void look_around(const Look& look, const Patches& patches, std::size_t led);
   void learn_from(const Look& look, const Patches& patches);
   /// How much of each light is seen: by its brightness, or a large one by its area.
-  struct Lights {
-    LightShare::Heights heights{}, areas_px{};
-  };
-  static Lights lights_of(const Patches& patches, BlobSpan blobs,
-                          const Assignment& match);
   void compare_lights(const Look& look, const Patches& patches, const Pose& X_NB);
   /// What part of a large light that is covered does to its place, px^2.
   Matrix2 displacement(int led, const Blob& blob) const;

@@ -24,6 +24,7 @@ constexpr double kMemory = 100;    // lights
 }  // namespace
 
 void LightShare::look(const Heights& heights, double range_m) {
+  now_ = heights;
   range_now_m_ = std::max(range_m, kNearest_m);
   const double nearer = range_m_ > 0 ? range_m_ / range_now_m_ : 1;
   const double expected = std::clamp(nearer * nearer, 0.5, 2.0);
@@ -48,29 +49,30 @@ void LightShare::look(const Heights& heights, double range_m) {
   }
 }
 
+bool LightShare::cut(double share) const { return 1 - share > kSds * unsteady_; }
+
 double LightShare::displaced_px(int led, double sd_px) const {
-  const double missing = 1 - share_[static_cast<std::size_t>(led)];
-  return missing > kSds * unsteady_ ? kDisplaced * missing * sd_px : 0;
+  const double share = share_[static_cast<std::size_t>(led)];
+  return cut(share) ? kDisplaced * (1 - share) * sd_px : 0;
 }
 
 bool LightShare::whole() const {
-  return std::none_of(share_.begin(), share_.end(), [&](double share) {
-    return 1 - share > std::max(kCut, kSds * unsteady_);
-  });
+  return std::none_of(share_.begin(), share_.end(),
+                      [&](double share) { return cut(share) && 1 - share > kCut; });
 }
 
-void LightShare::learn(const Heights& heights) {
+void LightShare::learn() {
   range_m_ = range_now_m_;
-  for (std::size_t i = 0; i < heights.size(); ++i) {
+  for (std::size_t i = 0; i < now_.size(); ++i) {
     usual_[i] *= change_;
-    if (!(heights[i] > 0)) continue;
+    if (!(now_[i] > 0)) continue;
     if (!(usual_[i] > 0)) {
-      usual_[i] = heights[i];
+      usual_[i] = now_[i];
       continue;
     }
-    const bool cut = 1 - share_[i] > kSds * unsteady_;
-    usual_[i] += (cut ? kForgets : kFollows) * (heights[i] - usual_[i]);
-    if (cut) continue;
+    const bool is_cut = cut(share_[i]);
+    usual_[i] += (is_cut ? kForgets : kFollows) * (now_[i] - usual_[i]);
+    if (is_cut) continue;
     unsteady_ += (std::abs(1 - share_[i]) - unsteady_) / kMemory;
     unsteady_ = std::max(unsteady_, kSteady / kSds);
   }

@@ -24,15 +24,19 @@ class LightShare {
   /// None of its lights is cut.
   bool whole() const;
 
-  /// The picture's lights are those of the LEDs: they are what the next is held
+  /// The lights looked at last are those of the LEDs: they are what the next are held
   /// against.
-  void learn(const Heights& heights);
+  void learn();
 
  private:
   static constexpr double kSteady = 0.06;  // of its light; nobody's shines so evenly
 
-  Heights usual_{};  // those last learnt; 0: not known
-  Heights share_;
+  /// It misses more of its light than it does by chance.
+  bool cut(double share) const;
+
+  Heights usual_{};         // those last learnt; 0: not known
+  Heights now_{};           // those looked at, and
+  Heights share_;           // what share of it each shows
   double range_m_ = 0;      // of them; 0: not known
   double range_now_m_ = 0;  // of those looked at
   double change_ = 1;       // of all lights, from those to these

@@ -37,11 +37,7 @@ Nees matched_runs(const RelativeFilterConfig& config, int frames, bool use_depth
       const Time t = from_seconds(k / 60.0);
       const auto input = flight.input((k - 0.5) / 60);
       const Seconds dt = to_seconds(t - filter.time());
-      const Matrix15 Q = process_covariance(config.noise, dt);
-      Vector15 white;
-      for (int i = 0; i < 15; ++i) white[i] = rng.normal();
-      truth = boxplus(extrapolate(truth, input, dt, config.motion()),
-                      Vector15(Q.llt().matrixL() * white));
+      truth = moved_by_model(truth, input, dt, config, rng);
       EXPECT_TRUE(filter.predict_to(t, input).has_value());
       auto frame = picture(rig.camera, rig.leds, truth.x.X_NB(), t, 0.2, rng);
       if (use_depth) {

@@ -118,6 +118,17 @@ inline Covariance9 start_covariance() {
   return P;
 }
 
+/// `truth` moved on by the filter's own model, noise and all.
+inline MotionState moved_by_model(const MotionState& truth,
+                                  const PredictionInput& input, Seconds dt,
+                                  const RelativeFilterConfig& config, Rng& rng) {
+  const Matrix15 Q = process_covariance(config.noise, dt);
+  Vector15 white;
+  for (int i = 0; i < 15; ++i) white[i] = rng.normal();
+  return boxplus(extrapolate(truth, input, dt, config.motion()),
+                 Vector15(Q.llt().matrixL() * white));
+}
+
 /// Flies and filters; the truth never depends on the filter.
 inline Errors fly(const Flight& flight, const RelativeFilterConfig& config,
                   const Conditions& c) {

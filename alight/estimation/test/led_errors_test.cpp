@@ -57,11 +57,7 @@ struct Aloft {
       const Time t = filter.time() + 16'666'667;
       const auto input = flight.input(to_seconds(t));
       const Seconds dt = to_seconds(t - filter.time());
-      const Matrix15 Q = process_covariance(config.noise, dt);
-      Vector15 white;
-      for (int i = 0; i < 15; ++i) white[i] = rng.normal();
-      truth = boxplus(extrapolate(truth, input, dt, config.motion()),
-                      Vector15(Q.llt().matrixL() * white));
+      truth = moved_by_model(truth, input, dt, config, rng);
       ASSERT_TRUE(filter.predict_to(t, input).has_value());
       LedFrame frame =
           picture(rig.camera, truth_leds, truth.x.X_NB(), t, kPixelSd, rng);

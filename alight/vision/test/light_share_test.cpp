@@ -33,7 +33,7 @@ struct Watched {
   void look(LightShare::Heights lights, double range_m) {
     for (double& height : lights) height *= 1 + rng.normal(0, flicker);
     share.look(lights, range_m);
-    share.learn(lights);
+    share.learn();
   }
   double displaced(int led) const { return share.displaced_px(led, kSd); }
 };
@@ -117,7 +117,7 @@ TEST(LightShare, WhatIsNotSeenSaysNothing) {
   EXPECT_TRUE(share.whole());
   EXPECT_EQ(share.displaced_px(0, kSd), 0);
   share.look({}, 0);
-  share.learn({});
+  share.learn();
   share.look(heights(100), 1);
   EXPECT_TRUE(share.whole());
   EXPECT_EQ(share.displaced_px(0, kSd), 0);
