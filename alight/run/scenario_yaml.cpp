@@ -76,7 +76,9 @@ void visit(Visitor& v, Scenario& s) {
     m.field("link_loss_ms", s.autopilot.link_loss_ms);
     m.choice("link_loss", s.autopilot.link_loss,
              {LinkLossAction::land, LinkLossAction::descend, LinkLossAction::drift});
+    m.field("blind_after_ms", s.autopilot.blind_after_ms);
     m.field("land_speed_m_s", s.autopilot.land_speed_m_s);
+    m.field("hover_error", s.autopilot.hover_error);
   });
   v.map("rig_error", [&](auto& m) {
     m.field("led_mm", s.rig_error.led_mm);

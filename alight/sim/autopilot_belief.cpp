@@ -10,7 +10,6 @@ constexpr double kNoiseTau = 0.4;    // s
 constexpr double kBaroTau = 1.0;     // s
 constexpr double kBaroNoise = 0.05;  // m/s
 constexpr double kAccelerationTau = 0.02;
-constexpr Time kPoseOld = 1'000'000'000;
 
 Vector3 normal3(Rng& rng) {
   const double x = rng.normal();
@@ -65,7 +64,7 @@ void AutopilotBelief::fuse(const ExternalPose& pose, Time now) {
   }
   const double since = to_seconds(pose.captured - pose_captured_);
   const bool restart =
-      !aligned_ || pose.resets != resets_ || now - pose_received_ > kPoseOld;
+      !velocity_valid(now) || pose.resets != resets_;
   if (!restart && since <= 0) return;
 
   // Compared with the belief at the pose's capture, as far back as it is remembered.
@@ -101,7 +100,7 @@ void AutopilotBelief::correct(double turn, const Vector3& v_I) {
 }
 
 bool AutopilotBelief::velocity_valid(Time now) const {
-  return aligned_ && now - pose_received_ <= kPoseOld;
+  return aligned_ && to_seconds(now - pose_received_) <= config_.dead_reckoning_s;
 }
 
 }  // namespace alight

@@ -10,6 +10,8 @@ namespace alight {
 /// What the firmware's estimator gets wrong.
 struct AutopilotBeliefConfig {
   bool external_pose = true;
+  double dead_reckoning_s = 2;  ///< So long after the last pose it has a velocity
+                                ///< (EKF2_NOAID_TOUT, 5 unless set; docs/faults.md).
   double tilt_error_deg = 1;          ///< Bound; fixed in the airframe, drawn.
   double heading_drift_deg_min = 10;  ///< Bound, drawn; without external pose only.
   double heading_tau_s = 2;           ///< How slowly the heading follows the pose sent.
@@ -40,7 +42,7 @@ class AutopilotBelief {
   Matrix3 R_IF() const { return R_IF_; }
   const Vector3& v_I() const { return v_reported_; }
   const Vector3& a_I() const { return a_I_; }
-  /// Velocity is known: a pose has come and is younger than 1 s.
+  /// Velocity is known: a pose has come and is not older than `dead_reckoning_s`.
   bool velocity_valid(Time now) const;
 
  private:

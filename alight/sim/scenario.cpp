@@ -94,7 +94,9 @@ Result<void> Scenario::validate() const {
   check.range("autopilot.heading_drift_deg_min", autopilot.heading_drift_deg_min, 0,
               360);
   check.range("autopilot.link_loss_ms", autopilot.link_loss_ms, 10, 10'000);
+  check.range("autopilot.blind_after_ms", autopilot.blind_after_ms, 100, 10'000);
   check.range("autopilot.land_speed_m_s", autopilot.land_speed_m_s, 0.1, 5);
+  check.range("autopilot.hover_error", autopilot.hover_error, 0, 0.5);
   check.range("autopilot.tilt_error_deg", autopilot.tilt_error_deg, 0, 20);
   check.range("rig_error.led_mm", rig_error.led_mm, 0, 50);
   check.range("rig_error.led_frame_deg", rig_error.led_frame_deg, 0, 30);

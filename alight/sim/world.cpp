@@ -23,9 +23,17 @@ constexpr int kPingEvery = 50;        // steps: 10 Hz
 constexpr std::size_t kRing = 128;    // more than kMemory of steps
 static_assert(kRing > static_cast<std::size_t>(World::kMemory / World::kStep) + 1);
 
-AutopilotConfig autopilot_config(const Scenario& scenario) {
+AutopilotConfig autopilot_config(const Scenario& scenario, const DroneSpec& nominal,
+                                 const TrueRig& truth, Rng rng) {
   AutopilotConfig config;
+  // Its pilot has set it as the drone hovers, not as the rig file says.
+  const double heavier = truth.rig.drone.mass_kg / nominal.mass_kg;
+  const double hover =
+      heavier / truth.extras.thrust_scale / nominal.thrust_to_weight;
+  const double error = scenario.autopilot.hover_error;
+  config.hover_share = hover * (1 + rng.uniform(-error, error));
   config.belief.external_pose = scenario.autopilot.external_pose;
+  config.belief.dead_reckoning_s = 1e-3 * scenario.autopilot.blind_after_ms;
   config.belief.tilt_error_deg = scenario.autopilot.tilt_error_deg;
   config.belief.heading_drift_deg_min = scenario.autopilot.heading_drift_deg_min;
   config.loss_s = 1e-3 * scenario.autopilot.link_loss_ms;
@@ -96,7 +104,8 @@ struct World::Parts {
         scene(std::move(bodies)),
         wind(s.wind, rng.fork("wind")),
         rotors(nominal.drone, truth.extras.thrust_scale),
-        autopilot(autopilot_config(s), nominal.drone, rng.fork("autopilot")),
+        autopilot(autopilot_config(s, nominal.drone, truth, rng.fork("hover")),
+                  nominal.drone, rng.fork("autopilot")),
         radio(s.radio, rng.fork("radio")),
         odometry(s.odometry, platform.state(), rng.fork("odometry")),
         contacts(truth.rig.drone, truth.rig.pad),
