@@ -25,6 +25,9 @@ constexpr double kDropCalm = -0.02;
 constexpr double kDropPerPush = 0.008;  // and more by this per m/s^2 of lean,
 constexpr double kDropMost = 0.005;     // at most. Falls of 5 mm are harmless.
 constexpr double kDropSeen = 0.06;      // From no higher than this, by what is seen.
+// m/s over the pad: moving on, it is to stand as soon as a foot of a drone that leans is
+// down. Light on one foot in a strong wind it would be blown along.
+constexpr double kStill = 0.1, kBlownAlong = 0.2;
 
 constexpr Seconds kFlareIsSet = 0.4;  // before the end
 // The flare waits for a drone that is above its reference, s, and hurries before.
@@ -93,7 +96,11 @@ bool TouchDown::may_touch(const MissionInput& in, const Maneuver& maneuver) cons
   }
   const double above = in.x_seen.p_NB.z() - gear_height_;
   const double push = horizontal(in.f_touch_N);
-  const double drop = std::min(kDropCalm + kDropPerPush * push, kDropMost);
+  const double blown = std::clamp(
+      (horizontal(in.x.v_NB) - kStill) / (kBlownAlong - kStill), 0.0, 1.0);
+  const double foot = kFootSpread * arm_ * horizontal(in.x.R_NB.col(2));
+  const double drop =
+      std::min(kDropCalm + kDropPerPush * push, kDropMost) + blown * foot;
   if (in_sight(in) && above < kDropSeen && in.z_acted < gear_height_ + drop) {
     return true;
   }
