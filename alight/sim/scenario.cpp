@@ -130,6 +130,7 @@ Scenario perfect_world(Scenario scenario) {
   scenario.odometry.slip = 0;
   scenario.autopilot.heading_drift_deg_min = 0;
   scenario.autopilot.tilt_error_deg = 0;
+  scenario.autopilot.hover_error = 0;
   scenario.rig_error = {.led_mm = 0,
                         .led_frame_deg = 0,
                         .mount_mm = 0,
