@@ -7,8 +7,7 @@ namespace alight {
 namespace {
 
 constexpr double kGyroNoise = 0.01;  // rad/s
-constexpr double kHoverTau = 3;      // s, of the hover thrust estimate,
-constexpr double kHoverFirst = 0.3;  // which learns as a mean does when it is new
+constexpr double kHoverTau = 3;      // s, of the hover thrust estimate
 // Of hover: so little is needed only on the ground,
 constexpr double kTouchThrust = 0.6;
 // which carries at least so much of the weight.
@@ -127,11 +126,12 @@ RotorShares Autopilot::step(const Sensed& sensed, Time now, Seconds dt) {
   if (!armed_) return {};
 
   thrust_felt_ += (1 - std::exp(-dt / motor_tau_)) * (thrust_ - thrust_felt_);
-  if (thrust_felt_ > kTouchThrust * hover_share_ && sensed.f_F.z() > 0.5 * kGravity) {
+  const bool told_thrust =
+      mode_ == AutopilotMode::offboard && setpoint_.kind == Setpoint::Kind::attitude;
+  if (!told_thrust && thrust_felt_ > kTouchThrust * hover_share_ &&
+      sensed.f_F.z() > 0.5 * kGravity) {
     const double hover = thrust_felt_ * kGravity / sensed.f_F.z();
-    flown_ += dt;
-    const double tau = std::min(kHoverTau, kHoverFirst + flown_);
-    hover_share_ += dt / tau * (std::clamp(hover, 0.1, 0.9) - hover_share_);
+    hover_share_ += dt / kHoverTau * (std::clamp(hover, 0.1, 0.9) - hover_share_);
   }
 
   switch (mode_) {

@@ -15,7 +15,8 @@ namespace alight {
 struct AutopilotConfig {
   AttitudeLoopConfig attitude;
   AutopilotBeliefConfig belief;
-  double hover_share = 0;  ///< MPC_THR_HOVER; 0: what the drone's figures say.
+  double hover_share = 0;  ///< MPC_THR_HOVER; 0: what the drone's figures say. Learnt
+                           ///< while its own velocity loop flies.
   double arming_s = 0.3;
   double loss_s = 0.2;       ///< COM_OF_LOSS_T: set-points older than this are lost.
   LinkLossAction loss_action = LinkLossAction::land;  ///< COM_OBL_RC_ACT and its like
@@ -25,7 +26,7 @@ struct AutopilotConfig {
   double velocity_p_z = 4;
   double velocity_i_z = 2;
   double tilt_max_deg = 35;     ///< In velocity and landing modes.
-  double land_speed_m_s = 0.55;  ///< MPC_LAND_SPEED, 0.7 unless set (docs/faults.md)
+  double land_speed_m_s = 0.5;  ///< MPC_LAND_SPEED, 0.7 unless set (docs/faults.md)
   double descend_speed_m_s = 0.5;
   double land_jerk_m_s3 = 4;          ///< MPC_JERK_AUTO: the sink speed it asks for
   double land_acceleration_m_s2 = 3;  ///< changes smoothly; MPC_ACC_DOWN_MAX.
@@ -90,7 +91,6 @@ class Autopilot {
   AutopilotBelief belief_;
   Rng rng_;
   double hover_share_;
-  Seconds flown_ = 0;
 
   bool armed_ = false;
   Time arming_until_ = 0;

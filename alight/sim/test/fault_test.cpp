@@ -210,7 +210,62 @@ TEST(LostLink, WithExternalPoseItLandsAndDisarms) {
   EXPECT_EQ(calm.mode, AutopilotMode::failsafe);
   EXPECT_TRUE(calm.stopped);
   EXPECT_LT(calm.drift, 0.5);
-  EXPECT_NEAR(calm.sink, 0.6, 0.1);
+  EXPECT_NEAR(calm.sink, 0.5, 0.1);
+}
+
+/// What its autopilot takes for hover thrust, of what is; 0 is right.
+double hover_off(const Scenario& scenario, std::uint64_t seed) {
+  const auto world = fly::make(scenario, seed);
+  world->send(AutopilotOrder::arm, world->truth().t);
+  double share = 0;
+  int n = 0;
+  fly::run(
+      *world, 0.9, [](const TruthState&) { return fly::velocity(Vector3::Zero()); },
+      [&](const TruthState& x) {
+        if (x.t < from_seconds(0.6)) return;
+        share += x.rotor_share;
+        ++n;
+      });
+  const DroneSpec nominal = alan_rig().drone;
+  const TrueRig& truth = world->true_rig();
+  const double hover = truth.rig.drone.mass_kg / nominal.mass_kg /
+                       truth.extras.thrust_scale / nominal.thrust_to_weight;
+  return share / n / hover - 1;
+}
+
+TEST(LostLink, ItsHoverThrustIsThatOfTheDroneThatFliesNotOfTheRigFile) {
+  Scenario scenario = fly::calm();
+  scenario.rig_error.mass = 0.1;
+  scenario.rig_error.thrust = 0.1;
+  double mean = 0, spread = 0;
+  const int seeds = 20;
+  for (std::uint64_t seed = 1; seed <= seeds; ++seed) {
+    scenario.autopilot.hover_error = 0;
+    const double known = hover_off(scenario, seed);
+    scenario.autopilot.hover_error = 0.03;
+    const double off = hover_off(scenario, seed) - known;
+    EXPECT_LT(std::abs(off), 0.035) << seed;
+    mean += known / seeds;
+    spread += off * off / seeds;
+  }
+  EXPECT_NEAR(mean, 0, 0.03);  // its velocity's noise, and the motors' lag
+  EXPECT_NEAR(std::sqrt(spread), 0.03 / std::sqrt(3), 0.007);
+}
+
+TEST(LostLink, ItBrakesForAsLongAsItBelievesItsVelocity) {
+  const auto speed_after = [](double blind_after_ms) {
+    Scenario scenario = fly::calm();
+    scenario.autopilot.blind_after_ms = blind_after_ms;
+    scenario.faults = {{.kind = FaultKind::radio_out, .at_s = 6, .for_s = 1000}};
+    const auto world = fly::make(scenario);
+    fly::take_off(*world, 5);
+    fly::run(*world, 6, [](const TruthState&) {
+      return fly::velocity(Vector3(1.5, 0, 0));
+    });
+    world->advance_to(from_seconds(7.8));
+    return world->truth().v_IB.head<2>().norm();
+  };
+  EXPECT_LT(speed_after(2000), 0.6 * speed_after(400));
 }
 
 TEST(LostLink, BeforeTheTakeOffItStandsOnTheMovingPadAndDisarms) {
