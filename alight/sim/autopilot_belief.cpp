@@ -63,8 +63,7 @@ void AutopilotBelief::fuse(const ExternalPose& pose, Time now) {
     return;
   }
   const double since = to_seconds(pose.captured - pose_captured_);
-  const bool restart =
-      !velocity_valid(now) || pose.resets != resets_;
+  const bool restart = !velocity_valid(now) || pose.resets != resets_;
   if (!restart && since <= 0) return;
 
   // Compared with the belief at the pose's capture, as far back as it is remembered.

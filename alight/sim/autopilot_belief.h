@@ -12,7 +12,7 @@ struct AutopilotBeliefConfig {
   bool external_pose = true;
   double dead_reckoning_s = 2;  ///< So long after the last pose it has a velocity
                                 ///< (EKF2_NOAID_TOUT, 5 unless set; docs/faults.md).
-  double tilt_error_deg = 1;          ///< Bound; fixed in the airframe, drawn.
+  double tilt_error_deg = 1;    ///< Bound; fixed in the airframe, drawn.
   double heading_drift_deg_min = 10;  ///< Bound, drawn; without external pose only.
   double heading_tau_s = 2;           ///< How slowly the heading follows the pose sent.
   double velocity_tau_s = 0.3;        ///< How slowly the velocity does.

@@ -28,8 +28,7 @@ AutopilotConfig autopilot_config(const Scenario& scenario, const DroneSpec& nomi
   AutopilotConfig config;
   // Its pilot has set it as the drone hovers, not as the rig file says.
   const double heavier = truth.rig.drone.mass_kg / nominal.mass_kg;
-  const double hover =
-      heavier / truth.extras.thrust_scale / nominal.thrust_to_weight;
+  const double hover = heavier / truth.extras.thrust_scale / nominal.thrust_to_weight;
   const double error = scenario.autopilot.hover_error;
   config.hover_share = hover * (1 + rng.uniform(-error, error));
   config.belief.external_pose = scenario.autopilot.external_pose;

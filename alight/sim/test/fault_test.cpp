@@ -259,9 +259,8 @@ TEST(LostLink, ItBrakesForAsLongAsItBelievesItsVelocity) {
     scenario.faults = {{.kind = FaultKind::radio_out, .at_s = 6, .for_s = 1000}};
     const auto world = fly::make(scenario);
     fly::take_off(*world, 5);
-    fly::run(*world, 6, [](const TruthState&) {
-      return fly::velocity(Vector3(1.5, 0, 0));
-    });
+    fly::run(*world, 6,
+             [](const TruthState&) { return fly::velocity(Vector3(1.5, 0, 0)); });
     world->advance_to(from_seconds(7.8));
     return world->truth().v_IB.head<2>().norm();
   };
