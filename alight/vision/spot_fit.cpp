@@ -148,6 +148,26 @@ void take_off(std::span<const LightBeside> beside, const PointSpread& spread,
   }
 }
 
+constexpr int kBoxSide = 2 * kSkirtBox + 1;
+
+/// Along one axis of a box, of a light and of its skirt.
+struct Profile {
+  float d2[kBoxSide];  // sd^2
+  float core[kBoxSide], wide[kBoxSide];
+};
+Profile profile(int first, double middle, double height, const PointSpread& spread) {
+  Profile out;
+  const auto per_variance = static_cast<float>(1 / spread.variance_px2);
+  const auto h = static_cast<float>(height);
+  for (int k = 0; k < kBoxSide; ++k) {
+    const float d = static_cast<float>(first + k) - static_cast<float>(middle);
+    out.d2[k] = per_variance * d * d;
+    out.core[k] = h * exp_of(-0.5f * out.d2[k]);
+    out.wide[k] = h * exp_of(-0.5f * kSkirt * out.d2[k]);
+  }
+  return out;
+}
+
 /// Sum of products over whole lanes, in an order that the machine can keep to.
 float dot(const float* a, const float* b, int n) {
   float lane[kLane] = {};
@@ -352,7 +372,7 @@ std::optional<SkirtLook> look_at_skirt(const ImageView& image, const Vector2& mi
         middle.y() < image.height - kSkirtBox - 1)) {
     return std::nullopt;
   }
-  static_assert((2 * kSkirtBox + 1) * (2 * kSkirtBox + 1) <= kPixelsMax);
+  static_assert(kBoxSide * kBoxSide <= kPixelsMax);
   const int u0 = static_cast<int>(std::lround(middle.x())) - kSkirtBox;
   const int v0 = static_cast<int>(std::lround(middle.y())) - kSkirtBox;
   Pixels pixels;
@@ -370,18 +390,20 @@ std::optional<SkirtLook> look_at_skirt(const ImageView& image, const Vector2& mi
     one[i] = 1;
     pixels.weight[at] *= 1 - pixels.full[at];
   }
-  const auto per_variance = static_cast<float>(1 / spread.variance_px2);
   for (const LightBeside& light : lights) {
-    const auto u = static_cast<float>(light.uv.x()),
-               v = static_cast<float>(light.uv.y());
-    const auto height = static_cast<float>(light.height);
-    for (int i = 0; i < padded; ++i) {
-      const auto at = static_cast<std::size_t>(i);
-      const float du = pixels.u[at] - u, dv = pixels.v[at] - v;
-      const float d2 = per_variance * (du * du + dv * dv);
-      core[i] += height * exp_of(-0.5f * d2);
-      wide[i] += height * exp_of(-0.5f * kSkirt * d2);
-      pixels.weight[at] *= d2 < kSkirtFrom * kSkirtFrom ? 0.f : 1.f;
+    // As round as these lights are, a factor for each column and one for each row do.
+    const Profile along = profile(u0, light.uv.x(), 1, spread);
+    const Profile down = profile(v0, light.uv.y(), light.height, spread);
+    for (int row = 0; row < kBoxSide; ++row) {
+      const float d2_v = down.d2[row], core_v = down.core[row], wide_v = down.wide[row];
+      float* const core_row = core + row * kBoxSide;
+      float* const wide_row = wide + row * kBoxSide;
+      float* const weight_row = pixels.weight.data() + row * kBoxSide;
+      for (int k = 0; k < kBoxSide; ++k) {
+        core_row[k] += core_v * along.core[k];
+        wide_row[k] += wide_v * along.wide[k];
+        weight_row[k] *= d2_v + along.d2[k] < kSkirtFrom * kSkirtFrom ? 0.f : 1.f;
+      }
     }
   }
   // Least squares over an even background and the skirt.
