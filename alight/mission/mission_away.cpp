@@ -1,0 +1,254 @@
+// A drone that is not seen, not heard or not to be landed: it is left to its autopilot.
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+
+#include "alight/mission/mission.h"
+#include "alight/mission/mission_common.h"
+
+namespace alight {
+namespace {
+
+// A second word about the same thing comes no sooner, s.
+constexpr Seconds kNotesApart = 0.5;
+// m/s over the ground: the autopilot's landing goes on from there without drifting far.
+constexpr double kStopped = 0.15;
+// How soon what is left of the speed is to be gone, s: longer than the drone's lag.
+constexpr Seconds kStopIn = 0.4;
+// The platform drives on for so long, s, away from a drone that lands by itself.
+constexpr Seconds kOutOfTheWay = 3;
+// How an autopilot that is left alone comes to rest over the ground (PX4:
+// MPC_XY_VEL_P_ACC of 1.8/s), s, and how it comes down: after so long, s, so fast, m/s:
+// at its landing speed, and what its estimate is off.
+constexpr Seconds kBrakes = 0.55;
+constexpr Seconds kSinksAfter = 0.2;
+constexpr double kSinks = 0.6;
+// One that is seen to come down beside the platform is left behind a little.
+constexpr Seconds kBrakesBeside = 1;
+constexpr double kRoomBeside = 0.1;  // m, from the pad's corner to a rotor
+constexpr double kUnsure = 0.05;     // m, of where it comes down
+// Unseen for so long, s, the drone may be elsewhere than predicted.
+constexpr Seconds kStillKnown = 1;
+// What a tenth of thrust that is not known does to a prediction: 0.5 m in the second
+// after the LEDs were lost. It is learnt in this time of flight in sight, s; a search
+// is as short before that.
+constexpr Seconds kLearntIn = 0.4;
+constexpr Seconds kShortSearch = 0.9;
+
+}  // namespace
+
+double Mission::platform_wish(const MissionInput& in) {
+  // A platform that can wait does so until it can be followed.
+  const MissionState state = status_.state;
+  const bool on_its_way = state == MissionState::idle || state == MissionState::armed ||
+                          state == MissionState::taken_off;
+  // Where others bring it down, the platform is first to get out of the way, then not
+  // to come round again.
+  const bool left_alone = state == MissionState::lost_link ||
+                          state == MissionState::pilot ||
+                          (state == MissionState::aborted && left_);
+  if (flying() && !left_alone) waits_for_it_ = false;
+  if (!left_alone) left_alone_since_ = in.now;
+  if (airborne_ && to_seconds(in.now - left_alone_since_) > kOutOfTheWay) {
+    waits_for_it_ = true;
+  }
+  // Where there is no way out any more, they had better meet gently.
+  const bool up = state != MissionState::idle && state != MissionState::armed &&
+                  state != MissionState::complete;
+  // Unseen and light on its feet the wind brakes it, too.
+  const bool light = state == MissionState::taken_off && !airborne_ && coming_down_;
+  // Not heard but seen to do as it is told: only its words are lost.
+  const bool unheard =
+      !in.link->healthy(in.now) && (state == MissionState::lost_link || !obeys(in));
+  const bool alone =
+      light || (up && in.telemetry_heard && in.armed &&
+                (unheard || in.mode == AutopilotMode::failsafe ||
+                 in.mode == AutopilotMode::land || in.mode == AutopilotMode::hold));
+  if (alone && !alone_) {
+    alone_since_ = in.now;
+    brakes_in_ = light || would_meet(in) ? kBrakes
+                 : stays_beside(in)      ? kBrakesBeside
+                                         : 0;
+  }
+  alone_ = alone;
+  if ((config_.start_on_floor && on_its_way) || waits_for_it_) return 0;
+  if (!alone || brakes_in_ <= 0) return 1;
+  return std::exp(-to_seconds(in.now - alone_since_) / brakes_in_);
+}
+
+// Until it is on the floor the autopilot knows its place and speed only while it is
+// seen: blind it leans against a drift that it has made up, and tips over.
+bool Mission::stays_beside(const MissionInput& in) const {
+  const Vector3& p = in.x.p_NB;
+  return status_.state == MissionState::aborted && in_sight(in) && outline_.clear(p) &&
+         horizontal(p) > reach_ + kRoomBeside;
+}
+
+bool Mission::would_meet(const MissionInput& in) const {
+  if (!in.estimate_valid) return false;
+  const RelativeState& x = in.x;
+  const Seconds down = kSinksAfter + std::max(0.0, x.p_NB.z() - gear_height_) / kSinks;
+  const Vector3 v_IB_N = inertial_velocity_N(in.platform, x.p_NB, x.v_NB);
+  const Vector3 where = x.p_NB + kBrakes * (1 - std::exp(-down / kBrakes)) * v_IB_N -
+                        down * in.platform.v_IN_N;
+  return horizontal(where) < reach_ + kUnsure;
+}
+
+void Mission::stop_over_ground(const MissionInput& in) {
+  FlatState ref = maneuver_.at(in.now);
+  const Vector3 left =
+      -inertial_velocity_N(in.platform, ref.p_NB, Vector3::Zero()) - ref.v_NB;
+  const double gain =
+      std::min(1 / kStopIn, config_.stop_acceleration_m_s2 / (left.norm() + 1e-6));
+  ref.a_NB = gain * left;
+  ref.j_NB.setZero();
+  ref.yaw_rate = ref.yaw_acceleration = 0;
+  maneuver_ = Maneuver::coast(ref, in.now);
+}
+
+void Mission::lost_target(const MissionInput& in, Output& out) {
+  if (overruled(in, out)) return;
+  if (unseen(in) < kFreshSight) {
+    go(MissionState::go_around, "the LEDs are in sight again", in, out);
+    return;
+  }
+  // What the computer missed while it stood still stays its fault.
+  const Blindness why =
+      blindness_ == Blindness::computer && in.blindness == Blindness::leds
+          ? blindness_
+          : in.blindness;
+  if (why != blindness_ && to_seconds(in.now - told_) > kNotesApart) {
+    blindness_ = why;
+    note(words_for(blindness_).lost, in, out);
+  }
+  if (maneuver_.done(in.now) && search_goal_ != config_.search_point) {
+    search_goal_ = config_.search_point;
+    move_to(search_goal_, config_.search_speed_m_s, in);
+  }
+  // Pictures that come late still say where it was, if not whether it may land.
+  const Seconds search = unseen(in) < kStillKnown ? config_.give_up_late_s
+                         : learnt(in)             ? config_.give_up_s
+                                                  : kShortSearch;
+  if (in_state(in) > search || !in.estimate_valid) {
+    go(MissionState::aborted, words_for(why).given_up, in, out);
+    for_want_of_sight_ = true;
+  }
+}
+
+bool Mission::learnt(const MissionInput& in) const {
+  return to_seconds(in.seen - lifted_at_) > kLearntIn;
+}
+
+void Mission::lost_link(const MissionInput& in, Command& c, Output& out) {
+  if (!in.link->healthy(in.now)) return;
+  const bool autopilot_acts =
+      in.mode == AutopilotMode::land || in.mode == AutopilotMode::failsafe;
+  if (in.telemetry_heard && !in.armed) {
+    airborne_ = false;
+    // Why it was alone stays told.
+    const bool stood_still = std::strcmp(status_.reason, kStoodStill) == 0;
+    const bool failsafe = std::strcmp(status_.reason, kFailsafe) == 0;
+    go(MissionState::complete,
+       stood_still ? "the computer stood still: the autopilot landed by itself"
+       : failsafe  ? "set-points did not arrive: the autopilot landed by itself"
+                   : "the link was lost: the autopilot landed by itself",
+       in, out);
+  } else if (pilot_flies(in)) {
+    seen_by_pilot_ = in_sight(in);
+    go(MissionState::pilot, "the pilot has taken over", in, out);
+  } else if (abort_wanted_) {
+    go(MissionState::aborted, "the operator aborted: the autopilot lands", in, out);
+  } else if (!autopilot_acts) {
+    const bool fresh = in_sight(in);
+    go(fresh ? MissionState::go_around : MissionState::lost_target,
+       fresh ? "the link is back" : "the link is back, the LEDs are out of sight", in,
+       out);
+    c.mode = Command::Mode::track;
+  }
+}
+
+bool Mission::may_be_left(const MissionInput& in) {
+  const bool heard = in.link->healthy(in.now) && in.mode == AutopilotMode::offboard;
+  if (!heard || !in.estimate_valid || in_state(in) > config_.leave_max_s) return true;
+  if (in_sight(in)) return outline_.clear(in.x.p_NB);
+  // Better it drifts than that it sinks on a prediction that knows no thrust.
+  if (!learnt(in)) return true;
+  // The autopilot does not know its speed without us, and would drift with it.
+  stop_over_ground(in);
+  const FlatState ref = maneuver_.at(in.now);
+  return inertial_velocity_N(in.platform, ref.p_NB, ref.v_NB).norm() < kStopped;
+}
+
+void Mission::aborted(const MissionInput& in, Command& c, Output& out) {
+  if (in.telemetry_heard && !in.armed) {
+    airborne_ = false;
+    return;
+  }
+  if (pilot_flies(in)) {
+    seen_by_pilot_ = in_sight(in);
+    go(MissionState::pilot, "the pilot has taken over", in, out);
+    return;
+  }
+  // Lower it may have touched something, and what stands there had better stay.
+  const bool flies = in.x.p_NB.z() > gear_height_ + config_.commit_height_m;
+  if (!left_ && for_want_of_sight_ && !abort_wanted_ && flies &&
+      unseen(in) < kFreshSight) {
+    go(MissionState::go_around, "the LEDs are in sight again", in, out);
+    c.mode = Command::Mode::track;
+    return;
+  }
+  // Why it was aborted stays told.
+  if (!left_ && strayed(in)) {
+    move_to(config_.safety.leave_at_m, config_.move_speed_m_s, in);
+  }
+  left_ = left_ || may_be_left(in);
+  if (!left_) {
+    c.mode = Command::Mode::track;
+  } else if (to_seconds(in.now - last_order_) >= kOrderEvery) {
+    c.order = AutopilotOrder::land;
+    last_order_ = in.now;
+  }
+}
+
+// Set-points go on, so that the autopilot may be switched back to them; they ask for
+// nothing but to fly on as the drone does. Nothing is ordered.
+void Mission::pilot(const MissionInput& in, Command& c, Output& out) {
+  if (in.telemetry_heard && !in.armed) {
+    airborne_ = false;
+    go(MissionState::complete, "the pilot stopped the motors", in, out);
+    return;
+  }
+  if (in.link->lost(in.now)) {
+    go(MissionState::lost_link, kUnheard, in, out);
+    return;
+  }
+  const bool fresh = in_sight(in);
+  if (in.mode == AutopilotMode::offboard) {
+    if (fresh) {
+      go(MissionState::go_around, "the pilot has given it back", in, out);
+    } else if (in.estimate_valid && unseen(in) < kStillKnown) {
+      go(MissionState::lost_target, "the pilot has given it back out of sight", in,
+         out);
+    } else {
+      go(MissionState::aborted,
+         "the pilot has given it back out of sight: the autopilot lands", in, out);
+    }
+    c.mode = in.estimate_valid ? Command::Mode::track : Command::Mode::silent;
+    return;
+  }
+  if (fresh != seen_by_pilot_ && to_seconds(in.now - told_) > kNotesApart) {
+    seen_by_pilot_ = fresh;
+    note(fresh ? "the pilot flies, the LEDs are in sight"
+               : "the pilot flies, the LEDs are out of sight",
+         in, out);
+  }
+  if (!in.estimate_valid) return;
+  FlatState as_it_flies;
+  as_it_flies.p_NB = in.x.p_NB;
+  as_it_flies.v_NB = in.x.v_NB;
+  as_it_flies.yaw = yaw_of(in.x.R_NB);
+  maneuver_ = Maneuver::coast(as_it_flies, in.now);
+  c.mode = Command::Mode::track;
+}
+
+}  // namespace alight

@@ -1,0 +1,22 @@
+#pragma once
+#include "alight/base/time.h"
+#include "alight/geometry/pose.h"
+
+// What several of the mission's files use: private to them.
+namespace alight {
+
+inline constexpr Seconds kOrderEvery = 0.1;
+inline constexpr const char* kTooFast =
+    "the platform is too fast for the drone's speed limit: no landing";
+inline constexpr const char* kOffItsWay =
+    "far off its way: it goes on from where it is";
+// Why only the autopilot acts.
+inline constexpr const char* kUnheard =
+    "nothing heard from the drone: its autopilot acts alone";
+inline constexpr const char* kFailsafe = "the autopilot's failsafe has taken over";
+inline constexpr const char* kStoodStill =
+    "the computer stood still: the autopilot lands";
+
+inline double horizontal(const Vector3& v) { return v.head<2>().norm(); }
+
+}  // namespace alight

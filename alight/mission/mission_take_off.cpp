@@ -1,0 +1,237 @@
+// From the operator's go to the LEDs in sight.
+#include <algorithm>
+#include <cmath>
+
+#include "alight/mission/mission.h"
+#include "alight/mission/mission_common.h"
+
+namespace alight {
+namespace {
+
+// Share of the nominal hover thrust with which a drone that is a tenth lighter than the
+// rig says comes down before the wind has it off the pad, and one that is as much
+// heavier not too hard; and how long it takes from 3 cm and 0.3 m/s upwards, s.
+constexpr double kComingDown = 0.6;
+constexpr Seconds kComingDownFor = 0.45;
+// Likewise: with no more than this it has not left the ground yet.
+constexpr double kStillStands = 0.85;
+constexpr double kLeft = 0.02;      // m above where it stood: no foot touches,
+constexpr Seconds kLeavesIn = 0.8;  // which is never far off.
+// Of the nominal hover thrust: it moves even a drone that is a fifth heavier than the
+// rig says, and pictures that show nothing of that show the past.
+constexpr double kMovesIt = 1.25;
+constexpr double kStandNoise = 0.001;  // m; a rise that standing drones show
+constexpr Seconds kRampActsIn = 0.1;  // Later, the take-off's thrust grows more slowly.
+constexpr const char* kUnhealthy = "the radio link is not healthy";
+
+double angle_between(const Vector3& a, const Vector3& b) {
+  return std::atan2(a.cross(b).norm(), a.dot(b));
+}
+
+}  // namespace
+
+void Mission::idle(const MissionInput& in, Command& c, Output& out) {
+  disarm(in, c);
+  if (in.estimate_valid) {
+    p_rest_ = in.x_seen.p_NB;
+    R_rest_ = in.x_seen.R_NB;
+  }
+  if (abort_wanted_) {
+    go(MissionState::refused, "the operator aborted before the start", in, out);
+    return;
+  }
+  if (!wanted_ || hold_wanted_) {
+    if (!disarms_) status_.since = in.now;
+    return;
+  }
+  if (disarms_) return;
+  const char* missing = nullptr;
+  if (!in.link->ever_heard() || !in.link->healthy(in.now)) {
+    missing = kUnhealthy;
+  } else if (!in.telemetry_heard) {
+    missing = "the autopilot sends no telemetry";
+  } else if (!in.platform_ready) {
+    missing = "there is no platform odometry";
+  } else if (!config_.start_on_floor &&
+             (!in.estimate_valid || unseen(in) > kFreshSight)) {
+    missing = in.blindness == Blindness::leds ? "the LEDs are not seen on the pad"
+                                              : words_for(in.blindness).lost;
+  }
+  if (missing == nullptr && in.battery < config_.safety.battery_low) {
+    go(MissionState::refused, "the battery is too low to start", in, out);
+  } else if (missing == nullptr && horizontal(in.platform.v_IN_N) > speed_max_) {
+    go(MissionState::refused, kTooFast, in, out);
+  } else if (missing == nullptr) {
+    go(MissionState::armed, "all is ready: arming", in, out);
+  } else if (in_state(in) > config_.ready_timeout_s) {
+    go(MissionState::refused, missing, in, out);
+  }
+}
+
+void Mission::armed(const MissionInput& in, Command& c, Output& out) {
+  if (in.estimate_valid) {
+    p_rest_ = in.x_seen.p_NB;
+    R_rest_ = in.x_seen.R_NB;
+  }
+  c.mode = Command::Mode::idle;
+  if (abort_wanted_) {
+    c.order = AutopilotOrder::disarm;
+    disarms_ = true;
+    go(MissionState::refused, "the operator aborted before the start", in, out);
+  } else if (hold_wanted_) {
+    c.order = AutopilotOrder::disarm;
+    c.mode = Command::Mode::silent;
+    disarms_ = true;
+    go(MissionState::idle, "the operator holds", in, out);
+  } else if (in.armed && in.link->healthy(in.now)) {
+    ++starts_;
+    coming_down_ = false;
+    go(MissionState::taken_off, "armed: taking off", in, out);
+  } else if (in_state(in) > config_.arm_timeout_s) {
+    c.order = AutopilotOrder::disarm;
+    c.mode = Command::Mode::silent;
+    disarms_ = true;
+    go(MissionState::refused,
+       in.link->healthy(in.now) ? "the autopilot does not arm" : kUnhealthy, in, out);
+  } else if (to_seconds(in.now - last_order_) >= kOrderEvery) {
+    c.order = AutopilotOrder::arm;
+    last_order_ = in.now;
+  }
+}
+
+void Mission::taken_off(const MissionInput& in, Command& c, Output& out) {
+  const bool fresh = in_sight(in);
+  if (airborne_) {
+    if (overruled(in, out)) return;
+    c.mode = Command::Mode::track;
+    leave_ground(in, c);
+    if (!fresh && unseen(in) > config_.sight_lost_s) {
+      go(MissionState::lost_target, words_for(in.blindness).lost, in, out);
+      return;
+    }
+    if (strayed(in)) {
+      go(MissionState::follow, kOffItsWay, in, out);
+      return;
+    }
+    const bool there = (in.x.p_NB - maneuver_.at(in.now).p_NB).norm() < 0.12;
+    if (maneuver_.done(in.now) && (there || maneuver_.past_end(in.now) > 1.5)) {
+      go(MissionState::follow, "clear of the pad: to the follow point", in, out);
+    }
+    return;
+  }
+
+  if (pilot_flies(in)) {
+    go(MissionState::refused, "the pilot took over before the take-off", in, out);
+    return;
+  }
+  const double rate = ramp_rate(in);
+  const double share = config_.ramp_from + rate * in_state(in);
+  if (obeyed_ &&
+      (in.mode == AutopilotMode::failsafe || in.mode == AutopilotMode::land)) {
+    const char* reason = in.computer_was_late ? kStoodStill : kFailsafe;
+    if (share < kStillStands && starts_ < config_.starts_max) {
+      c.order = AutopilotOrder::disarm;
+      disarms_ = true;
+      last_order_ = in.now;
+      go(MissionState::idle, reason, in, out);
+      return;
+    }
+    airborne_ = true;  // for all that is known
+    go(MissionState::lost_link, reason, in, out);
+    return;
+  }
+  c.mode = Command::Mode::ramp;
+  const double most = config_.start_on_floor ? config_.blind_ramp_to : config_.ramp_to;
+  c.ramp_share = std::min(share, most);
+  const Seconds limit =
+      config_.start_on_floor ? config_.blind_max_s : config_.ramp_timeout_s;
+  // Unseen, it would climb and climb. It may be off the ground by a few centimetres:
+  // with less thrust than carries it, it comes down softly.
+  const bool stale =
+      unseen(in) > unseen_lifting_ || (in.picture_repeats && c.ramp_share > kMovesIt);
+  if (!config_.start_on_floor && !coming_down_ && stale) {
+    coming_down_ = true;
+    coming_down_since_ = in.now;
+  }
+  if (coming_down_) c.ramp_share = std::min(c.ramp_share, kComingDown);
+  const bool blind =
+      coming_down_ && to_seconds(in.now - coming_down_since_) > kComingDownFor;
+  if (abort_wanted_ || blind || in.link->lost(in.now) || !in.armed ||
+      in_state(in) > limit) {
+    // From the floor it may fly unseen: only the autopilot can bring it down.
+    c.order = config_.start_on_floor ? AutopilotOrder::land : AutopilotOrder::disarm;
+    c.mode = Command::Mode::silent;
+    airborne_ = config_.start_on_floor;
+    disarms_ = !config_.start_on_floor;
+    last_order_ = in.now;
+    const char* reason = config_.start_on_floor
+                             ? "never came into sight: the autopilot lands"
+                             : "did not leave the ground";
+    if (blind) reason = words_for(in.blindness).lost;
+    if (blind && !abort_wanted_ && starts_ < config_.starts_max) {
+      go(MissionState::idle, reason, in, out);
+      return;
+    }
+    if (abort_wanted_) reason = "the operator aborted during take-off";
+    go(config_.start_on_floor ? MissionState::aborted : MissionState::refused, reason,
+       in, out);
+    left_ = true;
+    return;
+  }
+  const Vector3 way = in.x_seen.p_NB - p_rest_;
+  const double tipped =
+      angle_between(Vector3(in.x_seen.R_NB.col(2)), Vector3(R_rest_.col(2)));
+  // Tipping over a foot lifts the middle, too.
+  const double rise = way.z() - arm_ * std::sin(tipped);
+  const bool rose = rise > config_.lift_m;
+  // Light on its feet it slides and tips before it flies; thrust must go on growing, or
+  // it stays there.
+  const bool slipped =
+      horizontal(way) > config_.slip_m || tipped > config_.slip_tilt_deg * kDegree;
+  const bool lifted =
+      fresh && !coming_down_ && (config_.start_on_floor || rose || slipped);
+  if (!lifted) return;
+  airborne_ = true;
+  lifted_at_ = in.now;
+  share_lifted_ = c.ramp_share;
+  c.lifted = true;
+  // Thrust grows evenly, so the rise goes with the third power of time.
+  const double flown = std::max(rise - kStandNoise, 0.0);
+  c.lifted_since =
+      config_.start_on_floor ? 0 : std::cbrt(6 * flown / (ramp_rate(in) * kGravity));
+  c.mode = Command::Mode::track;
+  FlatState from;
+  from.p_NB = in.x.p_NB;
+  from.v_NB = in.x.v_NB;
+  from.yaw = yaw_of(in.x.R_NB);
+  maneuver_ = Maneuver::stay(from.p_NB, from.yaw);
+  if (config_.start_on_floor) {
+    go(MissionState::follow, "in sight: to the follow point", in, out);
+    return;
+  }
+  MoveLimits limits;
+  limits.speed_m_s = config_.climb_speed_m_s;
+  limits.acceleration_m_s2 = config_.move_acceleration_m_s2;
+  Vector3 up = p_rest_ + config_.take_off_back_m * from_lens_;
+  up.z() = config_.take_off_height_m;
+  maneuver_ = Maneuver::move(PointToPoint(in.now, from, up, 0, limits));
+}
+
+// Until lift-off is known and answered thrust goes on growing: over a late link it
+// would throw the drone up, off to where the wind drives it, faster than it is seen.
+double Mission::ramp_rate(const MissionInput& in) const {
+  if (config_.start_on_floor) return config_.blind_ramp_rate;
+  return config_.ramp_rate * std::min(1.0, kRampActsIn / std::max(in.acts_in, 1e-3));
+}
+
+// Light on its feet it may still stand when it is seen to slide: what the ground
+// carries is no wind from below. (To limit its tilt has it slide off in a wind.) What
+// is on its way to it counts: waiting to see it rise throws it up.
+void Mission::leave_ground(const MissionInput& in, Command& c) const {
+  const Seconds since = to_seconds(in.now - lifted_at_);
+  if (config_.start_on_floor || since > kLeavesIn) return;
+  if (in.z_acted - p_rest_.z() > kLeft) return;
+  c.thrust_least = std::min(share_lifted_ + ramp_rate(in) * since, config_.ramp_to);
+}
+
+}  // namespace alight
