@@ -24,6 +24,9 @@ constexpr int kPlanlessMax = 3;
 constexpr Seconds kNoLag = 1e-6;
 // Above the commit height a descent still stops.
 constexpr double kStopsWithin = 0.03;  // m
+// m above gear height: a deck that swings beneath a drone that waits lower down reaches
+// its feet.
+constexpr double kFeetClear = 0.04;
 constexpr const char* kNoOdometry = "no platform odometry comes";
 
 }  // namespace
@@ -255,7 +258,10 @@ void Mission::land(const MissionInput& in, Command& c, Output& out) {
       // beside its middle or on the edge of a foot.
       if (battery_low_) quiet_deck_.begin();  // it waits no more
       if (!battery_low_ && (quiet_deck_.swings(in) || quiet_deck_.waiting())) {
-        const bool may_stop = in.x.p_NB.z() > commit_height + kStopsWithin;
+        const FlatState then = maneuver_.at(acts);
+        const double stops_at = then.p_NB.z() + Pace::kTau * then.v_NB.z();
+        const bool may_stop = in.x.p_NB.z() > commit_height + kStopsWithin &&
+                              stops_at > gear_height_ + kFeetClear;
         const bool waits = quiet_deck_.waits(in, maneuver_, miss, may_stop);
         maneuver_.aim_pace(acts, waits ? 0 : 1);
       } else {

@@ -119,7 +119,8 @@ RelativeEstimator::RelativeEstimator(const RelativeEstimatorConfig& config,
       rivals_(config.rivals, rig.camera, filter_),
       doubt_(config.doubt),
       errors_(config.errors, rig.leds, std::max(config.filter.led_position_sd_m, 1e-4)),
-      learner_(config.learner, rig.camera, rig.leds) {
+      learner_(config.learner, rig.camera, rig.leds),
+      mirror_(rig.camera, rig.pad.size_m) {
   if (config.learn_led_errors) filter_.correct_leds(errors_.leds(), errors_.cov());
 }
 
@@ -304,6 +305,7 @@ bool RelativeEstimator::follow(const CameraFrame& frame, FrameReport& out,
     return false;
   }
   out.blobs = static_cast<int>(blobs->size());
+  if (expecting_ && ignores_twins_) *blobs = without_twins(*blobs);
   FixedVector<Vector2, kMaxLeds> blur;
   if (config_.tell_apart) blur = image_motion(X_NB);
   // Out of sight for a while, the prediction is vague enough for any lamp or two to
@@ -544,6 +546,7 @@ FixedVector<Vector2, kMaxLeds> RelativeEstimator::image_motion(const Pose& X_NB)
 
 void RelativeEstimator::expect(const Pose& X_NB, const Matrix6& cov) {
   expecting_ = true;
+  ignores_twins_ = false;
   X_NB_expected_ = X_NB;
   cov_expected_ = cov;
   rest_sum_.fill(Vector2::Zero());

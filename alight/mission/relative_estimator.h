@@ -11,6 +11,7 @@
 #include "alight/vision/led_finder.h"
 #include "alight/vision/led_resolver.h"
 #include "alight/vision/led_tracker.h"
+#include "alight/vision/pad_mirror.h"
 #include "alight/vision/picture_repeat.h"
 
 namespace alight {
@@ -211,6 +212,9 @@ class RelativeEstimator {
   double lens_distance(const Vector3& p_NB) const;
   /// The LEDs where they are expected: a fit with all but one of them in view.
   Result<FoundLeds> find_expected(BlobSpan blobs, Time t) const;
+  /// All that are not the twins of brighter ones in a glossy pad. Valid until the next
+  /// call.
+  BlobSpan without_twins(BlobSpan blobs);
   /// Way of each LED's image during the exposure, px.
   FixedVector<Vector2, kMaxLeds> image_motion(const Pose& X_NB) const;
   void report_state(FrameReport& out) const;
@@ -271,6 +275,9 @@ class RelativeEstimator {
   bool expecting_ = false;
   Pose X_NB_expected_ = Pose::Identity();
   Matrix6 cov_expected_ = Matrix6::Identity();
+  PadMirror mirror_;
+  bool ignores_twins_ = false;  // while it expects
+  FixedVector<Blob, kMaxBlobs> no_twins_;
   // Images at rest, summed up by LED.
   std::array<Vector2, kMaxLeds> rest_sum_{};
   std::array<int, kMaxLeds> rest_count_{};

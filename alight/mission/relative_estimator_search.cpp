@@ -76,7 +76,16 @@ void RelativeEstimator::search(const CameraFrame& frame, const MotionSource& mot
     // which.
     if (expecting_ && !filter_.initialized()) {
       auto expected = find_expected(*blobs, frame.captured);
-      if (expected && config_.tell_apart) place_by_pixels(frame, *blobs, *expected);
+      // Turned about its way ahead a drone fits its own LEDs on one side and the twins
+      // of the others on the other.
+      const BlobSpan alone = without_twins(*blobs);
+      auto again = find_expected(alone, frame.captured);
+      ignores_twins_ = again && (!expected || again->frame.led_count() >=
+                                                  expected->frame.led_count());
+      if (ignores_twins_) expected = std::move(again);
+      if (expected && config_.tell_apart) {
+        place_by_pixels(frame, ignores_twins_ ? alone : *blobs, *expected);
+      }
       if (expected &&
           (!found || expected->frame.led_count() >= found->frame.led_count())) {
         found = expected;
@@ -383,6 +392,21 @@ bool RelativeEstimator::confirmed(const Pose& X_NB) {
   confirmations_ = again ? confirmations_ + 1 : 1;
   X_NB_contrary_ = X_NB;
   return confirmations_ >= config_.search_confirmations;
+}
+
+BlobSpan RelativeEstimator::without_twins(BlobSpan blobs) {
+  no_twins_.clear();
+  for (const Blob& blob : blobs) {
+    const auto is_light = [&](const Blob& light) {
+      return light.brightness > blob.brightness &&
+             colors_agree(blob.color, light.color, false) &&
+             mirror_.may_mirror(light.uv, blob.uv);
+    };
+    if (!mirror_.shows(blob.uv) || std::none_of(blobs.begin(), blobs.end(), is_light)) {
+      no_twins_.push_back(blob);
+    }
+  }
+  return {no_twins_.data(), no_twins_.size()};
 }
 
 Result<FoundLeds> RelativeEstimator::find_expected(BlobSpan blobs, Time t) const {

@@ -18,7 +18,7 @@ struct AutopilotConfig {
   double hover_share = 0;  ///< MPC_THR_HOVER; 0: what the drone's figures say. Learnt
                            ///< while its own velocity loop flies.
   double arming_s = 0.3;
-  double loss_s = 0.2;  ///< COM_OF_LOSS_T: set-points older than this are lost.
+  double loss_s = 0.3;  ///< COM_OF_LOSS_T: set-points older than this are lost.
   LinkLossAction loss_action = LinkLossAction::land;  ///< COM_OBL_RC_ACT and its like
   double velocity_p = 1.8;  ///< MPC_XY_VEL_P_ACC and so on, 1/s
   double velocity_i = 0.4;  ///< 1/s^2

@@ -117,7 +117,7 @@ struct AutopilotScenario {
   bool external_pose = true;  ///< Fuses the pose the ground sends; else IMU only:
                               ///< heading off by any angle.
   double link_loss_ms =
-      200;  ///< Without set-points (COM_OF_LOSS_T); then it does this:
+      300;  ///< Without set-points (COM_OF_LOSS_T); then it does this:
   LinkLossAction link_loss = LinkLossAction::land;
   double blind_after_ms = 2000;  ///< Of the last external pose (EKF2_NOAID_TOUT).
   double land_speed_m_s = 0.5;   ///< With which it lands by itself (MPC_LAND_SPEED).
