@@ -28,6 +28,8 @@ constexpr double kDropSeen = 0.06;      // From no higher than this, by what is 
 // m/s over the pad: moving on, it is to stand as soon as a foot of a drone that leans
 // is down. Light on one foot in a strong wind it would be blown along.
 constexpr double kStill = 0.1, kBlownAlong = 0.2;
+// m/s^2 of lean, with which it rather comes upright: it would be thrown over.
+constexpr double kLeansHard = 2.5;
 
 constexpr Seconds kFlareIsSet = 0.4;  // before the end
 // The flare waits for a drone that is above its reference, s, and hurries before.
@@ -98,7 +100,8 @@ bool TouchDown::may_touch(const MissionInput& in, const Maneuver& maneuver) cons
   const double push = horizontal(in.f_touch_N);
   const double blown =
       std::clamp((horizontal(in.x.v_NB) - kStill) / (kBlownAlong - kStill), 0.0, 1.0);
-  const double foot = kFootSpread * arm_ * horizontal(in.x.R_NB.col(2));
+  const double foot =
+      push > kLeansHard ? 0 : kFootSpread * arm_ * horizontal(in.x.R_NB.col(2));
   const double drop =
       std::min(kDropCalm + kDropPerPush * push, kDropMost) + blown * foot;
   if (in_sight(in) && above < kDropSeen && in.z_acted < gear_height_ + drop) {
