@@ -35,8 +35,7 @@ Autopilot::Autopilot(const AutopilotConfig& config, const DroneSpec& drone, Rng 
       attitude_(config.attitude, drone),
       belief_(config.belief, rng.fork("belief")),
       rng_(rng.fork("telemetry")),
-      hover_share_(config.hover_share > 0 ? config.hover_share
-                                          : 1 / drone.thrust_to_weight),
+      hover_share_(config.hover_share),
       motor_tau_(drone.motor_ms * 1e-3) {}
 
 void Autopilot::receive(const Setpoint& setpoint, Time sent, Time now) {

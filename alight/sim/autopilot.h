@@ -15,8 +15,8 @@ namespace alight {
 struct AutopilotConfig {
   AttitudeLoopConfig attitude;
   AutopilotBeliefConfig belief;
-  double hover_share = 0;  ///< MPC_THR_HOVER; 0: what the drone's figures say. Learnt
-                           ///< while its own velocity loop flies.
+  double hover_share = 0.5;  ///< MPC_THR_HOVER to begin with; learnt while its own
+                             ///< velocity loop flies.
   double arming_s = 0.3;
   double loss_s = 0.3;  ///< COM_OF_LOSS_T: set-points older than this are lost.
   LinkLossAction loss_action = LinkLossAction::land;  ///< COM_OBL_RC_ACT and its like
