@@ -30,6 +30,19 @@ void alpha_beta(Vector3& x, Vector3& rate, const Vector3& measured, double dt,
   rate += alpha * gain(dt, tau_rate) / dt * innovation;
 }
 
+/// Critically damped filter of a vector with its first and second derivative (Brookner
+/// 1998, "Tracking and Kalman Filtering Made Easy", sec. 1.3): it does not trail behind
+/// what changes ever faster.
+void critically_damped(Vector3& x, Vector3& rate, Vector3& curve,
+                       const Vector3& measured, double dt, double tau) {
+  const double keep = std::exp(-dt / tau), take = 1 - keep;
+  const Vector3 ahead = x + dt * (rate + 0.5 * dt * curve);
+  const Vector3 innovation = measured - ahead;
+  x = ahead + (1 - keep * keep * keep) * innovation;
+  rate += dt * curve + 1.5 * take * take * (1 + keep) / dt * innovation;
+  curve += take * take * take / (dt * dt) * innovation;
+}
+
 bool is_rotation(const Matrix3& R) {
   return (R.transpose() * R).isIdentity(1e-6) && R.determinant() > 0;
 }
@@ -40,7 +53,7 @@ Result<void> PlatformTrackerConfig::validate() const {
   return check_bounds({{"velocity_tau_s", velocity_tau_s, 1e-3, 5},
                        {"yaw_rate_tau_s", yaw_rate_tau_s, 1e-3, 5},
                        {"acceleration_tau_s", acceleration_tau_s, 1e-3, 5},
-                       {"imu_force_tau_s", imu_force_tau_s, 1e-3, 5},
+                       {"imu_tau_s", imu_tau_s, 1e-3, 5},
                        {"stale_after_s", stale_after_s, 0.01, 10},
                        {"predict_max_s", predict_max_s, 0.01, 10},
                        {"gap_max_s", gap_max_s, 0.01, 10}});
@@ -96,16 +109,21 @@ bool PlatformTracker::add(const PlatformImu& imu) {
   if (!imu.f_N.allFinite() || !imu.w_IN_N.allFinite()) return false;
   if (has_imu_ && imu.captured <= imu_t_) return false;
   const double dt = has_imu_ ? to_seconds(imu.captured - imu_t_) : 0;
+  // What weight presses turns with the deck, as the gyros tell without a filter: only
+  // what speeds it up is filtered, in axes that do not turn.
+  PlatformState tilted;
+  if (count_ > 0) tilted = predicted(newest(), imu.captured);
+  const Vector3 a_N = imu.f_N + gravity_N(tilted);
   if (!has_imu_ || dt > config_.gap_max_s) {
     imu_w_N_ = imu.w_IN_N;
-    imu_dw_N_.setZero();
-    imu_f_N_ = imu.f_N;
-    imu_df_N_.setZero();
+    imu_a_N_ = a_N;
+    for (Vector3* d : {&imu_dw_N_, &imu_ddw_N_, &imu_da_N_, &imu_dda_N_}) d->setZero();
   } else {
-    alpha_beta(imu_w_N_, imu_dw_N_, imu.w_IN_N, dt, config_.yaw_rate_tau_s,
-               config_.acceleration_tau_s);
-    alpha_beta(imu_f_N_, imu_df_N_, imu.f_N, dt, config_.imu_force_tau_s,
-               config_.acceleration_tau_s);
+    const Matrix3 R = so3_exp(-dt * imu_w_N_);
+    for (Vector3* d : {&imu_a_N_, &imu_da_N_, &imu_dda_N_}) *d = R * *d;
+    critically_damped(imu_w_N_, imu_dw_N_, imu_ddw_N_, imu.w_IN_N, dt,
+                      config_.imu_tau_s);
+    critically_damped(imu_a_N_, imu_da_N_, imu_dda_N_, a_N, dt, config_.imu_tau_s);
   }
   has_imu_ = true;
   imu_t_ = imu.captured;
@@ -138,9 +156,10 @@ PlatformState PlatformTracker::at(Time t) const {
 
   const double ahead = to_seconds(t - imu_t_);
   if (has_imu_ && ahead > kImuBefore && ahead < kImuAhead) {
-    state.w_IN_N = imu_w_N_ + imu_dw_N_ * ahead;
-    state.alpha_IN_N = imu_dw_N_;
-    state.a_IN_N = imu_f_N_ + imu_df_N_ * ahead + gravity_N(state);
+    state.w_IN_N = imu_w_N_ + ahead * (imu_dw_N_ + 0.5 * ahead * imu_ddw_N_);
+    state.alpha_IN_N = imu_dw_N_ + ahead * imu_ddw_N_;
+    state.a_IN_N = so3_exp(-ahead * 0.5 * (imu_w_N_ + state.w_IN_N)) *
+                   (imu_a_N_ + ahead * (imu_da_N_ + 0.5 * ahead * imu_dda_N_));
   }
   return state;
 }

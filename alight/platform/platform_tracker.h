@@ -13,8 +13,8 @@ struct PlatformTrackerConfig {
   double velocity_tau_s = 0.06;      ///< Smoothing of the speed reported.
   double yaw_rate_tau_s = 0.06;      ///< Smoothing of the yaw rate reported.
   double acceleration_tau_s = 0.20;  ///< Smoothing of the accelerations derived.
-  double imu_force_tau_s = 0.06;     ///< Smoothing of the IMU's specific force, which
-                                     ///< is carried on with its rate of change.
+  double imu_tau_s = 0.1;            ///< Smoothing of the IMU's turn rate and of the
+                                     ///< acceleration by it.
   double stale_after_s = 0.3;        ///< Older odometry is not to be acted on.
   bool carry_forward = true;         ///< False: the last odometry is taken for now.
   double predict_max_s = 0.5;        ///< Beyond this the prediction stands still.
@@ -75,10 +75,9 @@ class PlatformTracker {
 
   bool has_imu_ = false;
   Time imu_t_ = 0;
-  Vector3 imu_w_N_ = Vector3::Zero();  ///< Filtered, as the next two.
-  Vector3 imu_dw_N_ = Vector3::Zero();
-  Vector3 imu_f_N_ = Vector3::Zero();
-  Vector3 imu_df_N_ = Vector3::Zero();
+  // Filtered, with their derivatives seen from I.
+  Vector3 imu_w_N_ = Vector3::Zero(), imu_dw_N_ = imu_w_N_, imu_ddw_N_ = imu_w_N_;
+  Vector3 imu_a_N_ = Vector3::Zero(), imu_da_N_ = imu_a_N_, imu_dda_N_ = imu_a_N_;
 };
 
 }  // namespace alight

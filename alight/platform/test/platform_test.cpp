@@ -87,6 +87,63 @@ TEST(PlatformTracker, CarriesACircleForward) {
   }
 }
 
+/// Rolls about an axis 3 m below, as decks do.
+PlatformState rolling(double t_s, double w) {
+  const double lever = 3, r = 0.14 * std::sin(w * t_s),
+               r1 = 0.14 * w * std::cos(w * t_s), r2 = -w * w * r;
+  PlatformState x;
+  x.t = from_seconds(t_s);
+  x.X_IN.linear() = so3_exp(Vector3(r, 0, 0));
+  x.X_IN.translation() = x.X_IN.linear() * Vector3(0, 0, lever);
+  x.w_IN_N = Vector3(r1, 0, 0);
+  x.alpha_IN_N = Vector3(r2, 0, 0);
+  x.v_IN_N = x.w_IN_N.cross(Vector3(0, 0, lever));
+  x.a_IN_N = x.alpha_IN_N.cross(Vector3(0, 0, lever)) + x.w_IN_N.cross(x.v_IN_N);
+  return x;
+}
+
+// Both are fed forward, the rate times a tenth of a second: what trails behind is flown
+// as an error.
+TEST(PlatformTracker, AnImusForceAndItsRateDoNotTrailBehindADeckThatRolls) {
+  for (const double w : {0.6, 1.05, 2.0}) {
+    PlatformTracker tracker;
+    double force = 0, force_off = 0, rate = 0, rate_off = 0;
+    for (int k = 0; k < 4000; ++k) {
+      const double t = 0.005 * k;
+      const PlatformState truth = rolling(t, w);
+      PlatformImu imu;
+      imu.captured = truth.t;
+      imu.f_N = truth.a_IN_N - gravity_N(truth);
+      imu.w_IN_N = truth.w_IN_N;
+      ASSERT_TRUE(tracker.add(imu));
+      if (k % 4 == 0) {
+        PlatformOdometry o;
+        o.captured = truth.t;
+        o.X_IN = truth.X_IN;
+        o.v_IN_N = truth.v_IN_N;
+        o.w_IN_N = truth.w_IN_N;
+        ASSERT_TRUE(tracker.add(o));
+      }
+      if (k < 1000) continue;
+      const auto f_I = [](const PlatformState& x) -> Vector3 {
+        return x.X_IN.linear() * (x.a_IN_N - gravity_N(x)) - Vector3(0, 0, kGravity);
+      };
+      const double ahead = t + 0.1, h = 0.01;
+      const Vector3 f = f_I(rolling(ahead, w));
+      const Vector3 df = (f_I(rolling(ahead + h, w)) - f) / h;
+      const Vector3 g = f_I(tracker.at(from_seconds(ahead)));
+      const Vector3 dg = (f_I(tracker.at(from_seconds(ahead + h))) - g) / h;
+      force += f.squaredNorm();
+      force_off += (g - f).squaredNorm();
+      rate += df.squaredNorm();
+      rate_off += (dg - df).squaredNorm();
+    }
+    // Of a tenth of a second times its own rate of change; that itself is smoothed.
+    EXPECT_LT(std::sqrt(force_off / force), 0.3 * 0.1 * w) << w;
+    EXPECT_LT(std::sqrt(rate_off / rate), 0.1 * w * w) << w;
+  }
+}
+
 TEST(PlatformTracker, MayTakeTheLastOdometryForNow) {
   Rng rng(1);
   PlatformTrackerConfig config;
