@@ -8,6 +8,9 @@ namespace {
 constexpr Seconds kLeastLeft = 0.3;    ///< A landing nearer to its end is left alone.
 constexpr Seconds kLeastFirst = 0.05;  ///< The joint is kept if it is further away.
 
+// A landing that would last longer than so many times what is left of it is a detour,
+// about or above the pad that it was nearly on.
+constexpr double kDetour = 1.5;
 // What a solver leaves of a jump.
 constexpr double kSamePlace = 1e-6;  ///< m, m/s, m/s^2, rad, rad/s
 constexpr double kSameJerk = 1e-3;   ///< m/s^3
@@ -47,6 +50,8 @@ bool takes_over(const PlanResult& current, const PlanResult& fresh, Time now) {
   if (!fresh.ok() || now > fresh.start) return false;
   const Seconds gone = to_seconds(fresh.start - current.start);
   if (gone < 0 || gone > current.trajectory.duration()) return false;
+  const Seconds left = current.trajectory.duration() - gone;
+  if (fresh.trajectory.duration() > kDetour * left) return false;
   const FlatState a = current.trajectory.at(gone);
   const FlatState b = fresh.trajectory.at(0);
   const double jump = (a.p_NB - b.p_NB).norm() + (a.v_NB - b.v_NB).norm() +

@@ -22,8 +22,8 @@ std::optional<PlanRequest> replan_request(const PlanResult& current,
                                           const Replan& replan);
 
 /// Whether `fresh`, which arrived at `now`, takes over from `current`: certified, not
-/// late, and continuous with it up to the third derivative. If not, the last certified
-/// trajectory goes on, unchanged.
+/// late, no detour of half as long again as what is left, and continuous with it up to
+/// the third derivative. If not, the last certified trajectory goes on, unchanged.
 bool takes_over(const PlanResult& current, const PlanResult& fresh, Time now);
 
 /// Both and the plan between them: what is in force afterwards, for a result at `now`.
