@@ -12,7 +12,7 @@ namespace alight {
 ///
 /// which begins smoothly at x = 1 and has no place and speed left at x = 0. It moves by
 /// 1.7 % of a T^2 to the side. In the last `early` s the acceleration stays:
-/// a leaning drone's feet are down before it is.
+/// a leaning drone's feet are down before it is, and when is known to some hundredths.
 class Flare {
  public:
   Flare() = default;  ///< None.

@@ -332,12 +332,17 @@ void LandingSystem::Parts::control(const MissionCommand& command, Time now,
     }
     case MissionCommand::Mode::settle: {
       out.setpoint = last_track;
-      // From the last attitude over to the pad's own, as the feet take the weight.
+      // From the last attitude over to the pad's own, as the feet take the weight;
+      // with what thrust is left it leans against what would throw it over.
       const double turned = yaw_of(platform.at(now).X_IN.linear()) - last_track_heading;
       const Eigen::Quaterniond last(Eigen::AngleAxisd(turned, Vector3::UnitZ()) *
                                     last_track.q_IB);
-      out.setpoint.q_IB = resting_setpoint(platform_eff, 0)
-                              .q_IB.slerp(std::sqrt(command.ramp_share), last);
+      const Matrix3 R_AN =
+          from_rpy(0, 0, motion.autopilot_heading) * platform_eff.X_IN.linear();
+      const Eigen::Quaterniond standing =
+          Eigen::Quaterniond::FromTwoVectors(R_AN.col(2), R_AN * command.f_rest_N) *
+          resting_setpoint(platform_eff, 0).q_IB;
+      out.setpoint.q_IB = standing.slerp(std::sqrt(command.ramp_share), last);
       out.setpoint.thrust *= command.ramp_share;
       if (config.interface == ControlInterface::velocity) out.setpoint.v_IB.z() = -0.5;
       break;

@@ -1,6 +1,7 @@
 #include "alight/mission/maneuver.h"
 
 #include <algorithm>
+#include <cassert>
 
 namespace alight {
 
@@ -71,11 +72,18 @@ FlatState Maneuver::at(Time t) const {
   flare_.add_to(state, trajectory_.duration() + flare_delay_ - s);
   // d/dt of p(s(t)).
   const double rate = pace.rate, slope = pace.slope;
-  state.j_NB = rate * rate * rate * state.j_NB + 3 * rate * slope * state.a_NB;
+  state.j_NB = rate * rate * rate * state.j_NB + 3 * rate * slope * state.a_NB +
+               pace.curve * state.v_NB;
   state.a_NB = rate * rate * state.a_NB + slope * state.v_NB;
   state.v_NB *= rate;
   state.yaw_rate *= rate;
   return state;
+}
+
+double Maneuver::stops_at_z(Time t) const {
+  assert(kind_ == Kind::landing);
+  const Pace::Reading pace = pace_.at(t);
+  return trajectory_.at(pace.s + pace.stops).p_NB.z();
 }
 
 Seconds Maneuver::past_end(Time t) const {

@@ -24,6 +24,9 @@ class Maneuver {
   /// Of a landing: from `now` on it goes over to this share, 0 to 1, of its speed.
   void aim_pace(Time from, double rate) { pace_.aim(from, rate); }
   double rate(Time t) const { return pace_.at(t).rate; }
+  /// Of a landing: how high it comes to rest if its pace is aimed at 0 at `t`, m. The
+  /// trajectory's end is the least.
+  double stops_at_z(Time t) const;
   /// Of a landing: the state it comes to.
   FlatState end() const { return trajectory_.at(trajectory_.duration()); }
   /// Of a landing: how it ends. @pre `past_end` is at most minus the flare's duration.

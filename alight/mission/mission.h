@@ -15,11 +15,13 @@ struct MissionCommand {
     idle,    ///< Attitude level with the platform, no thrust.
     ramp,    ///< Level, thrust as told: the drone leaves the ground.
     track,   ///< Feedback on the maneuver.
-    settle   ///< Touching down: from the last attitude over to the pad's, a share of
-             ///< the last thrust. Feedback would fight the pad's friction.
+    settle   ///< Touching down: from the last attitude over to the pad's, leaning
+             ///< against f_rest_N, a share of the last thrust. Feedback would fight the
+             ///< pad's friction.
   };
   Mode mode = Mode::silent;
-  double ramp_share = 0;    ///< ramp: of the nominal hover thrust; settle: of the last.
+  double ramp_share = 0;  ///< ramp: of the nominal hover thrust; settle: of the last.
+  Vector3 f_rest_N = Vector3(0, 0, kGravity);  ///< settle: that keeps it where it is.
   double square_up = 0;     ///< track: share of the way from the attitude that feedback
                             ///< asks for over to that of the pad.
   double tilt_limit = 0;    ///< rad
@@ -106,6 +108,10 @@ class Mission {
   void follow(const MissionInput& in, Output& out);
   void rendezvous(const MissionInput& in, Output& out);
   void land(const MissionInput& in, Command& c, Output& out);
+  /// Gusts pass, and decks come round: better to wait above the pad than to touch
+  /// beside its middle or on the edge of a foot. `miss`: where it would touch, m off.
+  void wait_low(const MissionInput& in, const FlatState& ref, double miss,
+                double commit_height);
   void shut_down(const MissionInput& in, Command& c, Output& out);
   void lost_target(const MissionInput& in, Output& out);
   void lost_link(const MissionInput& in, Command& c, Output& out);

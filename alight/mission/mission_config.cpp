@@ -5,6 +5,7 @@
 
 #include "alight/base/bounds.h"
 #include "alight/mission/into_view.h"
+#include "alight/mission/mission_input.h"
 
 namespace alight {
 
@@ -34,7 +35,7 @@ Result<void> MissionConfig::validate() const {
           {"mission.flare_s", flare_s, 0, 2},
           {"mission.flare_share", flare_share, 0, 1},
           {"mission.flare_max_m_s2", flare_max_m_s2, 0, 10},
-          {"mission.square_up_s", square_up_s, 0, 1},
+          {"mission.square_up_s", square_up_s, 0, kTouchAhead},
           {"mission.quiet_deg", quiet_deg, 0, 30},
           {"mission.quiet_more_s", quiet_more_s, 0.1, 100},
           {"mission.upright_deg", upright_deg, 1, 90},

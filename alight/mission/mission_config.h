@@ -70,9 +70,10 @@ struct MissionConfig {
   double touch_height_m = 0.03;   ///< Above gear height: may stand on the pad.
   double settle_share = 0.4;      ///< Then thrust falls to this share of the last,
   double settle_down_s = 0.25;    ///< and to nothing in this time.
-  double flare_s = 0.8;           ///< The drone stands up last. 0: never;
+  double flare_s = 0.8;           ///< The drone stands up last, in this time or, for a
+                                  ///< wide swing, up to 1.3 times it. 0: never;
   double flare_share = 0.7;       ///< by this share of what it leans,
-  double flare_max_m_s2 = 1.5;    ///< at most: swings as wide as a gust asks for end
+  double flare_max_m_s2 = 2.5;    ///< at most: swings as wide as a gust asks for end
                                   ///< harder than they began.
   double square_up_s = 0.3;       ///< So long before the touch it begins to go over to
                                   ///< the pad's attitude. 0: never.

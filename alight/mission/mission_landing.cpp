@@ -14,7 +14,7 @@ namespace {
 constexpr Seconds kShutDownUnheard = 3;
 constexpr double kWaitsAt = 1.0 / 3;  // above the miss that slows it, as a share
 // m above gear height: enough to stop sinking in.
-constexpr double kRoomToLeave = 0.03;
+constexpr double kRoomToLeave = 0.015;
 // Of the drone's own speed limit: nearer to it, a platform leaves no room for a
 // landing.
 constexpr double kLeastRoom = 0.85;
@@ -212,6 +212,27 @@ Seconds Mission::touches_in(const MissionInput& in) const {
                                              : kTouchAhead;
 }
 
+void Mission::wait_low(const MissionInput& in, const FlatState& ref, double miss,
+                       double commit_height) {
+  // A change of pace before what is sent acts could only be missed.
+  const Time acts = in.now + from_seconds(in.acts_in);
+  if (battery_low_) quiet_deck_.begin();  // it waits no more
+  const bool low = ref.p_NB.z() < commit_height + config_.wait_room_m;
+  if (config_.wait_error_m <= 0 || !low) {
+    // Planned anew while it waited it may stand higher than where it would.
+    maneuver_.aim_pace(acts, 1);
+  } else if (!battery_low_ && (quiet_deck_.swings(in) || quiet_deck_.waiting())) {
+    const bool may_stop = in.x.p_NB.z() > commit_height + kStopsWithin &&
+                          maneuver_.stops_at_z(acts) > gear_height_ + kFeetClear;
+    const bool waits = quiet_deck_.waits(in, maneuver_, miss, may_stop);
+    maneuver_.aim_pace(acts, waits ? 0 : 1);
+  } else {
+    const double tired = std::exp2(maneuver_.lag(in.now) / config_.wait_more_s);
+    const double off = miss / (tired * config_.wait_error_m);
+    maneuver_.aim_pace(acts, std::clamp(1 - (off - 1) / kWaitsAt, 0.0, 1.0));
+  }
+}
+
 void Mission::land(const MissionInput& in, Command& c, Output& out) {
   if (overruled(in, out)) return;
   const FlatState ref = maneuver_.at(in.now);
@@ -235,16 +256,14 @@ void Mission::land(const MissionInput& in, Command& c, Output& out) {
     if (const char* told = touch_down_.moved(in)) note(told, in, out);
     c.mode = Command::Mode::settle;
     c.ramp_share = touch_down_.thrust_share(in.now);
+    c.f_rest_N = touch_down_.leans_against_N();
     return;
   }
-  // A change of pace before what is sent acts could only be missed.
-  const Time acts = in.now + from_seconds(in.acts_in);
   // Where it would touch, off the middle of the pad.
   const double miss = horizontal(error + kMissAhead * (in.x.v_NB - ref.v_NB));
   if (committed_) c.square_up = touch_down_.square_up(in, miss);
   if (!committed_) replan(in, out);
-  // A deck that swings is waited for instead.
-  if (!has_next_ && !quiet_deck_.swings(in)) touch_down_.flare(in, maneuver_);
+  if (!has_next_) touch_down_.flare(in, maneuver_);
   if (!committed_) {
     // Below it there is no certified way back. Over a deck that swings it stops lower
     // down, and a way up begins from rest.
@@ -252,24 +271,7 @@ void Mission::land(const MissionInput& in, Command& c, Output& out) {
         config_.way_back && plan_.escape.exists && !quiet_deck_.swings(in);
     const double commit_height = std::max(gear_height_ + config_.commit_height_m,
                                           way_back ? plan_.escape.height_m : 0);
-    if (config_.wait_error_m > 0 &&
-        ref.p_NB.z() < commit_height + config_.wait_room_m) {
-      // Gusts pass, and decks come round: better to wait above the pad than to touch
-      // beside its middle or on the edge of a foot.
-      if (battery_low_) quiet_deck_.begin();  // it waits no more
-      if (!battery_low_ && (quiet_deck_.swings(in) || quiet_deck_.waiting())) {
-        const FlatState then = maneuver_.at(acts);
-        const double stops_at = then.p_NB.z() + Pace::kTau * then.v_NB.z();
-        const bool may_stop = in.x.p_NB.z() > commit_height + kStopsWithin &&
-                              stops_at > gear_height_ + kFeetClear;
-        const bool waits = quiet_deck_.waits(in, maneuver_, miss, may_stop);
-        maneuver_.aim_pace(acts, waits ? 0 : 1);
-      } else {
-        const double tired = std::exp2(maneuver_.lag(in.now) / config_.wait_more_s);
-        const double off = miss / (tired * config_.wait_error_m);
-        maneuver_.aim_pace(acts, std::clamp(1 - (off - 1) / kWaitsAt, 0.0, 1.0));
-      }
-    }
+    wait_low(in, ref, miss, commit_height);
     if (hold_wanted_ && !battery_low_) {
       go(MissionState::hold, "the operator holds", in, out);
     } else if (unseen(in) > config_.sight_lost_s) {
@@ -291,16 +293,19 @@ void Mission::land(const MissionInput& in, Command& c, Output& out) {
            in, out);
       } else {
         committed_ = true;
-        maneuver_.aim_pace(acts, 1);
+        maneuver_.aim_pace(in.now + from_seconds(in.acts_in), 1);
         note("past the commit height: it lands", in, out);
       }
     }
     return;
   }
-  // A pad that starts or stops beneath it is left, as long as there is room to.
-  const bool room = in.x.p_NB.z() > gear_height_ + kRoomToLeave;
-  const Vector3 soon = in.x.p_NB + (room ? kMissAhead : 0) * in.x.v_NB;
-  if (in_sight(in) && soon.head<2>().cwiseAbs().maxCoeff() > pad_half_) {
+  // A pad that starts or stops beneath it, or from which it is blown, is left as long
+  // as there is room to: not all feet would be on it.
+  const bool room = in.z_acted > gear_height_ + kRoomToLeave;
+  const Seconds ahead = room ? touch_down_.touches_within(in) : 0;
+  const Vector3 soon = in.x.p_NB + ahead * in.x.v_NB;
+  const double half = pad_half_ - (room ? touch_down_.foot_spread() : 0);
+  if (in_sight(in) && soon.head<2>().cwiseAbs().maxCoeff() > half) {
     go(MissionState::go_around, "the pad is not beneath it", in, out);
   } else if (maneuver_.past_end(in.now) > config_.landing_overtime_s) {
     go(MissionState::go_around, "no touch-down where the pad should be", in, out);

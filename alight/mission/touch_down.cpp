@@ -31,7 +31,15 @@ constexpr double kStill = 0.1, kBlownAlong = 0.2;
 // m/s^2 of lean, with which it rather comes upright: it would be thrown over.
 constexpr double kLeansHard = 2.5;
 
-constexpr Seconds kFlareIsSet = 0.4;  // before the end
+constexpr Seconds kFlareIsSet = 0.4;  // before the end,
+constexpr double kWaits = 0.1;        // unless it waits: at a pace below this
+// m/s^2; a wider swing takes longer, that its jerk grows by as much as itself only.
+constexpr double kFlareWide = 1.5;
+// When the feet come down is not known better than this, s. Upright for as long it
+// gains speed, m/s, at most:
+constexpr Seconds kUprightFor = 0.03;
+constexpr double kFlareGains = 0.045;
+constexpr Seconds kFlareEarly = 0.1;  // at most, for a foot that is lower
 // The flare waits for a drone that is above its reference, s, and hurries before.
 constexpr Seconds kFlareEarliest = -0.1, kFlareLatest = 0.35;
 constexpr double kFlareSlew = 0.8;    // s/s: the reference does not jump.
@@ -59,7 +67,12 @@ void TouchDown::begin() {
 }
 
 Seconds TouchDown::begins_before_end() const {
-  return config_.flare_s + 0.1 + kControlAhead;
+  return flare_lasts(config_.flare_max_m_s2) + kFlareEarly + kUprightFor +
+         kControlAhead;
+}
+
+Seconds TouchDown::flare_lasts(double a) const {
+  return config_.flare_s * std::sqrt(std::max(a / kFlareWide, 1.0));
 }
 
 void TouchDown::flare(const MissionInput& in, Maneuver& maneuver) {
@@ -67,18 +80,18 @@ void TouchDown::flare(const MissionInput& in, Maneuver& maneuver) {
   const double sink = std::max(-maneuver.end().v_NB.z(), 0.1);
   const Seconds to_end = -maneuver.past_end(in.now);
   // Wind and turns change while it waits above the pad.
-  if ((!flared_ && to_end <= begins_before_end()) ||
-      (flared_ && to_end > kFlareIsSet)) {
+  const bool open = to_end > kFlareIsSet || maneuver.rate(in.now) < kWaits;
+  if (flared_ ? open : to_end <= begins_before_end()) {
     flared_ = true;
     // Upright on the pad, whatever wind and turns would have it lean.
     Vector3 a_N = -config_.flare_share * in.f_touch_N;
     a_N.z() = 0;
-    if (const double a = a_N.norm(); a > config_.flare_max_m_s2) {
-      a_N *= config_.flare_max_m_s2 / a;
-    }
+    const double a = std::min(a_N.norm(), config_.flare_max_m_s2);
+    a_N = a * a_N.stableNormalized();
     const double left = horizontal(in.f_touch_N + a_N) / kGravity;
-    const Seconds early = std::min(kFootSpread * arm_ * left / sink, 0.1);
-    maneuver.end_with(Flare(a_N, config_.flare_s, early));
+    const Seconds lower = std::min(kFootSpread * arm_ * left / sink, kFlareEarly);
+    const Seconds unsure = std::min(kUprightFor, kFlareGains / std::max(a, 0.1));
+    maneuver.end_with(Flare(a_N, flare_lasts(a), lower + unsure));
   }
   if (flared_ && -in.x.v_NB.z() > kSinking) {
     const double above = in.x.p_NB.z() - maneuver.at(in.now).p_NB.z();
@@ -115,11 +128,17 @@ bool TouchDown::may_touch(const MissionInput& in, const Maneuver& maneuver) cons
          std::abs(in.x.v_NB.z()) < kStanding;
 }
 
+double TouchDown::foot_spread() const { return kFootSpread * arm_; }
+
+Seconds TouchDown::touches_within(const MissionInput& in) const {
+  const double sink = std::max(-in.x.v_NB.z(), kSinkLeast);
+  return std::clamp((in.x.p_NB.z() - gear_height_) / sink, 0.0, kTouchAhead);
+}
+
 double TouchDown::square_up(const MissionInput& in, double miss) {
   if (config_.square_up_s <= 0 || !in_sight(in)) return 0;
-  const double sink = std::max(-in.x.v_NB.z(), kSinkLeast);
-  const Seconds to_go = (in.x.p_NB.z() - gear_height_) / sink;
-  const double share = std::clamp(2 * (1 - to_go / config_.square_up_s), 0.0, 1.0);
+  const double share =
+      std::clamp(2 * (1 - touches_within(in) / config_.square_up_s), 0.0, 1.0);
   if (share <= 0) return 0;
   if (!squares_up_) {
     squares_up_ = true;
@@ -134,6 +153,7 @@ void TouchDown::feel(const MissionInput& in, const Maneuver& maneuver) {
   settling_ = true;
   settle_since_ = in.now;
   p_touch_ = in.x_seen.p_NB;
+  f_touch_N_ = in.f_touch_N;
   low_ = false;
 }
 

@@ -11,7 +11,8 @@ namespace alight {
 /// Wind and turns have it lean. Upright on its feet with its thrust still there it is
 /// blown away, and a drone whose thrust goes while it leans falls onto its feet; both
 /// have thrown drones over. So thrust goes when it will be the feet's turn, earlier the
-/// harder it is blown, and the motors stop only once it is upright.
+/// harder it is blown, what is left of it leans into the wind, and the motors stop only
+/// once it is upright.
 class TouchDown {
  public:
   TouchDown(const MissionConfig& config, const Rig& rig);
@@ -29,10 +30,16 @@ class TouchDown {
   /// drone's lags behind, and it is there half the time before the touch. Where it
   /// would touch far off the middle, by `miss` m, being brought back comes first.
   double square_up(const MissionInput& in, double miss);
+  /// In how long it will touch as it sinks, s, at most kTouchAhead.
+  Seconds touches_within(const MissionInput& in) const;
+  /// Of its feet from its middle along the pad's edges, m.
+  double foot_spread() const;
   /// The feet take the weight.
   bool settling() const { return settling_; }
   /// While settling: of the last thrust in flight.
   double thrust_share(Time now) const;
+  /// While settling: the specific force, in N, against which its last thrust leans.
+  const Vector3& leans_against_N() const { return f_touch_N_; }
   /// Settled, or as good as it will be: the motors may stop.
   bool stands(const MissionInput& in);
   /// Since the feet took the weight: that it bounced or slid, told once each; else
@@ -41,6 +48,7 @@ class TouchDown {
   const char* how_it_stands(const MissionInput& in) const;
 
  private:
+  Seconds flare_lasts(double a) const;
   bool may_touch(const MissionInput& in, const Maneuver& maneuver) const;
 
   MissionConfig config_;
@@ -54,6 +62,7 @@ class TouchDown {
   bool settling_ = false;
   Time settle_since_ = 0;
   Vector3 p_touch_ = Vector3::Zero();
+  Vector3 f_touch_N_ = Vector3(0, 0, kGravity);
   bool low_ = false;  // not sinking any more, since:
   Time low_since_ = 0;
   double low_z_ = 0;

@@ -899,6 +899,23 @@ TEST(Mission, BelowTheCommitHeightItLandsWhateverComes) {
   EXPECT_EQ(f.mission().status().attempts, 1);
 }
 
+TEST(Mission, PastTheCommitHeightBlownOffThePadItLeavesWhileThereIsRoom) {
+  for (const bool room : {true, false}) {
+    Flight f;
+    ASSERT_TRUE(f.reach(State::land));
+    ASSERT_TRUE(f.until_below(f.rig().drone.gear_height_m + (room ? 0.05 : 0.012)));
+    // One pair of its feet would be off.
+    f.off = Vector3(0.18, 0, 0);
+    f.run(0.05);
+    if (room) {
+      EXPECT_EQ(f.state(), State::go_around);
+      EXPECT_EQ(f.reason(), "the pad is not beneath it");
+    } else {
+      EXPECT_NE(f.state(), State::go_around);
+    }
+  }
+}
+
 TEST(Mission, WhatIsKnownTooVaguelyIsNotLandedBy) {
   for (const double sd : {0.04, 0.06}) {
     Flight f;

@@ -171,6 +171,45 @@ TEST_F(TouchDownTest, TheFlareWaitsForADroneThatIsLateAndNeverJumps) {
   EXPECT_NEAR(was, 0.04 / 0.25, 0.03);
 }
 
+// On a deck that swings the force at the touch is known only when it is about to come.
+TEST_F(TouchDownTest, AFlareIsAimedAnewWhileItWaitsEvenLow) {
+  for (Seconds t = 0.5; t < 1.8; t += kStep) {
+    touch_.flare(at(t, 0.25 * (2 - t), 0, 2), maneuver_);
+  }
+  maneuver_.aim_pace(from_seconds(1.7), 0);
+  for (Seconds t = 1.8; t < 4; t += kStep) {
+    touch_.flare(at(t, 0.06, 0, -1), maneuver_);
+  }
+  maneuver_.aim_pace(from_seconds(4), 1);
+  // What comes once it has gone on is too late.
+  for (Seconds t = 4.15; t < 4.3; t += kStep) {
+    touch_.flare(at(t, 0.05, 0, 2), maneuver_);
+  }
+  const Time end = from_seconds(4.3 - maneuver_.past_end(from_seconds(4.3)) +
+                                maneuver_.flare_delay());
+  EXPECT_NEAR(maneuver_.at(end - 1'000'000).a_NB.x(), config_.flare_share, 0.15);
+}
+
+TEST_F(TouchDownTest, TheLastThrustLeansAgainstWhatWouldThrowItOver) {
+  touch_.feel(at(2, 0.0, 0, 3), maneuver_);
+  ASSERT_TRUE(touch_.settling());
+  EXPECT_EQ(touch_.leans_against_N(), Vector3(3, 0, kGravity));
+}
+
+TEST_F(TouchDownTest, ItIsUprightForAsLongAsTheTouchIsUnsure) {
+  for (const double push : {1.0, 3.0}) {
+    touch_.begin();
+    for (Seconds t = 0.3; t < 1.9; t += kStep) {
+      touch_.flare(at(t, 0.25 * (2 - t), 0, push), maneuver_);
+    }
+    const double end = maneuver_.at(from_seconds(1.9999)).a_NB.x();
+    EXPECT_NEAR(end, -push * config_.flare_share, 0.05);
+    EXPECT_NEAR(maneuver_.at(from_seconds(1.98)).a_NB.x(), end, 0.05);
+    // It does not gain much speed by that.
+    EXPECT_LT(std::abs(maneuver_.at(from_seconds(1.97)).v_NB.x()), 0.3 * push);
+  }
+}
+
 TEST_F(TouchDownTest, TheReferenceEndsUprighter) {
   for (Seconds t = 0.5; t < 1.9; t += kStep) {
     touch_.flare(at(t, 0.25 * (2 - t), 0, 2), maneuver_);
