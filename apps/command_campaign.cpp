@@ -192,6 +192,7 @@ Json as_json(const CampaignSummary& s) {
   j["scenario"] = s.scenario;
   j["runs"] = s.runs;
   j["landed"] = s.landed;
+  j["soft"] = s.soft;
   j["landed_low"] = s.landed_interval.low;
   j["landed_high"] = s.landed_interval.high;
   j["crashed"] = s.crashed;

@@ -24,6 +24,9 @@ CampaignSummary summarize(const std::string& name,
     ++s.outcomes[to_string(r->outcome)];
     s.landed += r->outcome == Outcome::landed;
     s.crashed += r->outcome == Outcome::crashed;
+    s.soft += r->outcome == Outcome::landed && r->touchdown &&
+              r->touchdown->tilt_deg <= kSoftTilt &&
+              r->touchdown->relative_speed_m_s <= kSoftSpeed;
     attempts += r->attempts;
   }
   s.landed_interval = wilson_interval(s.landed, s.runs);
@@ -103,10 +106,10 @@ std::string summary_text(const CampaignSummary& s) {
   if (std::isfinite(s.touchdown_t_s.p50)) {
     append_format(text,
                   "  touch-down   error p50 %.1f p95 %.1f max %.1f cm, speed p95 %.2f "
-                  "m/s, tilt p95 %.1f deg, after %.1f s\n",
+                  "m/s, tilt p95 %.1f deg, after %.1f s; %d within %g m/s and %g deg\n",
                   100 * s.touchdown_error_m.p50, 100 * s.touchdown_error_m.p95,
                   100 * s.touchdown_error_m.max, s.relative_speed_m_s.p95,
-                  s.tilt_deg.p95, s.touchdown_t_s.p50);
+                  s.tilt_deg.p95, s.touchdown_t_s.p50, s.soft, kSoftSpeed, kSoftTilt);
   } else {
     text += "  touch-down   none\n";
   }

@@ -8,6 +8,9 @@
 
 namespace alight {
 
+inline constexpr double kSoftTilt = 5;     // deg
+inline constexpr double kSoftSpeed = 0.3;  // m/s
+
 /// How a figure spreads over the landings of a scenario; NaN where none had it.
 struct Spread {
   double p50, p95, min, max;
@@ -20,6 +23,8 @@ struct CampaignSummary {
   int runs = 0;
   int landed = 0;
   int crashed = 0;
+  int soft = 0;                         ///< Landed, touching within kSoftTilt and
+                                        ///< kSoftSpeed of the pad's.
   Interval landed_interval;             ///< Wilson, 95 %
   std::map<std::string, int> outcomes;  ///< All that occurred.
   Spread touchdown_error_m, relative_speed_m_s, tilt_deg, yaw_error_deg;

@@ -220,7 +220,8 @@ TEST(CampaignSummary, CountsWhatItIsGiven) {
     run.scenario = 0;
     run.result.outcome = outcomes[i];
     run.result.attempts = i;
-    if (i < 3) run.result.touchdown = LandingResult::Touchdown{1, 0.01 * i, 0, 0, 0};
+    if (i < 3)
+      run.result.touchdown = LandingResult::Touchdown{1, 0.01 * i, 0.16 * i, 2, 0};
     result.runs.push_back(run);
   }
   const auto summaries = summarize(options, result);
@@ -228,6 +229,7 @@ TEST(CampaignSummary, CountsWhatItIsGiven) {
   EXPECT_EQ(summaries[0].runs, 4);
   EXPECT_EQ(summaries[0].landed, 2);
   EXPECT_EQ(summaries[0].crashed, 1);
+  EXPECT_EQ(summaries[0].soft, 1) << "the other one touched at 0.32 m/s";
   EXPECT_EQ(summaries[0].outcomes.at("timeout"), 1);
   EXPECT_DOUBLE_EQ(summaries[0].attempts_mean, 1.5);
   EXPECT_DOUBLE_EQ(summaries[0].touchdown_error_m.p50, 0.01);
