@@ -29,6 +29,11 @@ constexpr double kStopsWithin = 0.03;  // m
 constexpr double kFeetClear = 0.04;
 constexpr const char* kNoOdometry = "no platform odometry comes";
 
+/// Pictures that come late are seen by, others that do not come may be the last.
+bool sight_fails(const MissionInput& in) {
+  return unseen(in) > kFreshSight && in.blindness != Blindness::late;
+}
+
 }  // namespace
 
 void Mission::follow(const MissionInput& in, Output& out) {
@@ -221,6 +226,8 @@ void Mission::wait_low(const MissionInput& in, const FlatState& ref, double miss
   if (config_.wait_error_m <= 0 || !low) {
     // Planned anew while it waited it may stand higher than where it would.
     maneuver_.aim_pace(acts, 1);
+  } else if (sight_fails(in)) {
+    maneuver_.aim_pace(acts, 0);
   } else if (!battery_low_ && (quiet_deck_.swings(in) || quiet_deck_.waiting())) {
     const bool may_stop = in.x.p_NB.z() > commit_height + kStopsWithin &&
                           maneuver_.stops_at_z(acts) > gear_height_ + kFeetClear;
@@ -284,8 +291,8 @@ void Mission::land(const MissionInput& in, Command& c, Output& out) {
          : !in.platform_ready ? kNoOdometry
                               : "too far from the trajectory",
          in, out);
-    } else if (!quiet_deck_.waiting() && in.x.p_NB.z() < commit_height &&
-               ref.p_NB.z() < commit_height &&
+    } else if (!quiet_deck_.waiting() && !sight_fails(in) &&
+               in.x.p_NB.z() < commit_height && ref.p_NB.z() < commit_height &&
                horizontal(ref.p_NB) < 0.5 * config_.go_around_error_m) {
       if (miss > config_.commit_error_m) {
         go(MissionState::go_around,

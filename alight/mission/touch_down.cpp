@@ -25,11 +25,6 @@ constexpr double kDropCalm = -0.02;
 constexpr double kDropPerPush = 0.008;  // and more by this per m/s^2 of lean,
 constexpr double kDropMost = 0.005;     // at most. Falls of 5 mm are harmless.
 constexpr double kDropSeen = 0.06;      // From no higher than this, by what is seen.
-// m/s over the pad: moving on, it is to stand as soon as a foot of a drone that leans
-// is down. Light on one foot in a strong wind it would be blown along.
-constexpr double kStill = 0.1, kBlownAlong = 0.2;
-// m/s^2 of lean, with which it rather comes upright: it would be thrown over.
-constexpr double kLeansHard = 2.5;
 
 constexpr Seconds kFlareIsSet = 0.4;  // before the end,
 constexpr double kWaits = 0.1;        // unless it waits: at a pace below this
@@ -111,12 +106,7 @@ bool TouchDown::may_touch(const MissionInput& in, const Maneuver& maneuver) cons
   }
   const double above = in.x_seen.p_NB.z() - gear_height_;
   const double push = horizontal(in.f_touch_N);
-  const double blown =
-      std::clamp((horizontal(in.x.v_NB) - kStill) / (kBlownAlong - kStill), 0.0, 1.0);
-  const double foot =
-      push > kLeansHard ? 0 : kFootSpread * arm_ * horizontal(in.x.R_NB.col(2));
-  const double drop =
-      std::min(kDropCalm + kDropPerPush * push, kDropMost) + blown * foot;
+  const double drop = std::min(kDropCalm + kDropPerPush * push, kDropMost);
   if (in_sight(in) && above < kDropSeen && in.z_acted < gear_height_ + drop) {
     return true;
   }

@@ -728,6 +728,22 @@ TEST(Mission, WaitsAboveThePadForAGustToPass) {
   EXPECT_TRUE(stays.until(State::complete, 2 * config.wait_more_s));
 }
 
+TEST(Mission, WhatFailsToBeSeenAboveTheCommitHeightIsNotCommittedTo) {
+  for (const Blindness why : {Blindness::leds, Blindness::pictures, Blindness::late}) {
+    Flight f;
+    ASSERT_TRUE(f.reach(State::land));
+    ASSERT_TRUE(f.until_below(f.rig().drone.gear_height_m + 0.115));
+    ASSERT_NE(f.reason(), "past the commit height: it lands");
+    f.sight = false;
+    f.blindness = why;
+    while (f.state() == State::land && f.now() < 60'000'000'000) f.step();
+    // Pictures that come late are landed by, if only just.
+    const bool lands = why == Blindness::late;
+    EXPECT_EQ(f.state(), lands ? State::shut_down : State::lost_target);
+    EXPECT_EQ(f.x().p_NB.z() > f.rig().drone.gear_height_m + 0.05, !lands);
+  }
+}
+
 TEST(Mission, CommittedAndUnseenItSettlesByThePrediction) {
   Flight f;
   ASSERT_TRUE(f.reach(State::land));

@@ -87,27 +87,6 @@ TEST_F(TouchDownTest, DropsSoonerTheHarderItIsBlown) {
   EXPECT_LT(stormy - 0.025, 0.0051 + 0.25 * kStep);
 }
 
-TEST_F(TouchDownTest, BlownAlongThePadItStandsAsSoonAsAFootIsDown) {
-  const double tilt = 0.2;
-  const double foot_down = 0.7 * rig_.drone.arm_m * std::sin(tilt);
-  MissionInput in = at(1.9, foot_down, tilt, 2);
-  in.z_acted = in.x.p_NB.z() - 0.007;  // it hardly sinks any more
-  touch_.feel(in, maneuver_);
-  EXPECT_FALSE(touch_.settling()) << "not moving it comes upright first";
-  in.x.v_NB.y() = 0.3;
-  in.x.R_NB.setIdentity();
-  touch_.feel(in, maneuver_);
-  EXPECT_FALSE(touch_.settling()) << "upright its feet are not down yet";
-  in.x.R_NB = so3_exp(Vector3(0, tilt, 0));
-  in.f_touch_N.x() = 3;
-  touch_.feel(in, maneuver_);
-  EXPECT_FALSE(touch_.settling())
-      << "leaning hard into the wind it would be thrown over";
-  in.f_touch_N.x() = 2;
-  touch_.feel(in, maneuver_);
-  EXPECT_TRUE(touch_.settling());
-}
-
 TEST_F(TouchDownTest, ThrustGoesEvenlyToNothing) {
   touch_.feel(at(2, 0.0), maneuver_);
   double last = 1;
