@@ -15,6 +15,8 @@ constexpr Seconds kShutDownUnheard = 3;
 constexpr double kWaitsAt = 1.0 / 3;  // above the miss that slows it, as a share
 // m above gear height: enough to stop sinking in.
 constexpr double kRoomToLeave = 0.015;
+// m, of a foot from the edge of the pad: what the estimate may be off by.
+constexpr double kEdgeOff = 0.02;
 // Of the drone's own speed limit: nearer to it, a platform leaves no room for a
 // landing.
 constexpr double kLeastRoom = 0.85;
@@ -311,7 +313,7 @@ void Mission::land(const MissionInput& in, Command& c, Output& out) {
   const bool room = in.z_acted > gear_height_ + kRoomToLeave;
   const Seconds ahead = room ? touch_down_.touches_within(in) : 0;
   const Vector3 soon = in.x.p_NB + ahead * in.x.v_NB;
-  const double half = pad_half_ - (room ? touch_down_.foot_spread() : 0);
+  const double half = pad_half_ - (room ? touch_down_.foot_spread() + kEdgeOff : 0);
   if (in_sight(in) && soon.head<2>().cwiseAbs().maxCoeff() > half) {
     go(MissionState::go_around, "the pad is not beneath it", in, out);
   } else if (maneuver_.past_end(in.now) > config_.landing_overtime_s) {

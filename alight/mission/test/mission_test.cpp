@@ -908,7 +908,7 @@ TEST(Mission, BelowTheCommitHeightItLandsWhateverComes) {
   ASSERT_TRUE(f.reach(State::land));
   ASSERT_TRUE(f.until_below(0.11));
   f.wish = OperatorWish::hold;
-  f.off = Vector3(0.15, 0, 0);
+  f.off = Vector3(0.12, 0, 0);
   f.run(0.1);
   EXPECT_EQ(f.state(), State::land);
   EXPECT_TRUE(f.until(State::complete));
