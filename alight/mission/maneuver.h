@@ -21,7 +21,7 @@ class Maneuver {
   static Maneuver landing(const Trajectory& trajectory, Time start, double sink_m);
 
   FlatState at(Time t) const;
-  /// Of a landing: from `now` on it goes over to this share, 0 to 1, of its speed.
+  /// Of a landing: from `from` on it goes over to this share, 0 to 1, of its speed.
   void aim_pace(Time from, double rate) { pace_.aim(from, rate); }
   double rate(Time t) const { return pace_.at(t).rate; }
   /// Of a landing: how high it comes to rest if its pace is aimed at 0 at `t`, m. The
@@ -29,7 +29,8 @@ class Maneuver {
   double stops_at_z(Time t) const;
   /// Of a landing: the state it comes to.
   FlatState end() const { return trajectory_.at(trajectory_.duration()); }
-  /// Of a landing: how it ends. @pre `past_end` is at most minus the flare's duration.
+  /// Of a landing: how it ends. Nearer to the end than the flare lasts the reference
+  /// steps aside, by what the flare moves it there; its speed does not where it waits.
   void end_with(const Flare& flare) { flare_ = flare; }
   /// Of a landing: the flare comes so much later than the end of the trajectory, s.
   void delay_flare(Seconds by) { flare_delay_ = by; }

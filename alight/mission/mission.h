@@ -21,7 +21,8 @@ struct MissionCommand {
   };
   Mode mode = Mode::silent;
   double ramp_share = 0;  ///< ramp: of the nominal hover thrust; settle: of the last.
-  Vector3 f_rest_N = Vector3(0, 0, kGravity);  ///< settle: that keeps it where it is.
+  Vector3 f_rest_N = Vector3(0, 0, kGravity);  ///< settle: the specific force that
+                                               ///< keeps it where it is.
   double square_up = 0;     ///< track: share of the way from the attitude that feedback
                             ///< asks for over to that of the pad.
   double tilt_limit = 0;    ///< rad

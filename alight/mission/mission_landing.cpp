@@ -13,7 +13,7 @@ namespace {
 // Without a word from the drone after touch-down its motors are its own, s.
 constexpr Seconds kShutDownUnheard = 3;
 constexpr double kWaitsAt = 1.0 / 3;  // above the miss that slows it, as a share
-// m above gear height: enough to stop sinking in.
+// m above gear height when thrust that is sent now acts: enough to stop sinking in.
 constexpr double kRoomToLeave = 0.015;
 // m, of a foot from the edge of the pad: what the estimate may be off by.
 constexpr double kEdgeOff = 0.02;
@@ -33,7 +33,7 @@ constexpr const char* kNoOdometry = "no platform odometry comes";
 
 /// Pictures that come late are seen by, others that do not come may be the last.
 bool sight_fails(const MissionInput& in) {
-  return unseen(in) > kFreshSight && in.blindness != Blindness::late;
+  return !in_sight(in) && in.blindness != Blindness::late;
 }
 
 }  // namespace

@@ -84,7 +84,7 @@ void TouchDown::flare(const MissionInput& in, Maneuver& maneuver) {
     const double a = std::min(a_N.norm(), config_.flare_max_m_s2);
     a_N = a * a_N.stableNormalized();
     const double left = horizontal(in.f_touch_N + a_N) / kGravity;
-    const Seconds lower = std::min(kFootSpread * arm_ * left / sink, kFlareEarly);
+    const Seconds lower = std::min(foot_spread() * left / sink, kFlareEarly);
     const Seconds unsure = std::min(kUprightFor, kFlareGains / std::max(a, 0.1));
     maneuver.end_with(Flare(a_N, flare_lasts(a), lower + unsure));
   }

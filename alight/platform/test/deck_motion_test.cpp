@@ -8,6 +8,7 @@
 
 #include "alight/base/rng.h"
 #include "alight/geometry/so3.h"
+#include "alight/platform/test/deck.h"
 
 namespace alight {
 namespace {
@@ -36,16 +37,7 @@ struct Sea {
     return sum;
   }
   PlatformState at(double t) const {
-    PlatformState x;
-    x.t = from_seconds(t);
-    const double r = roll(t, 0), w = roll(t, 1), a = roll(t, 2);
-    x.X_IN.linear() = so3_exp(Vector3(r, 0, 0));
-    x.X_IN.translation() = x.X_IN.linear() * Vector3(0, 0, kLever);
-    x.w_IN_N = Vector3(w, 0, 0);
-    x.alpha_IN_N = Vector3(a, 0, 0);
-    x.v_IN_N = x.w_IN_N.cross(Vector3(0, 0, kLever));
-    x.a_IN_N = x.alpha_IN_N.cross(Vector3(0, 0, kLever)) + x.w_IN_N.cross(x.v_IN_N);
-    return x;
+    return rolled(from_seconds(t), roll(t, 0), roll(t, 1), roll(t, 2), kLever);
   }
 };
 
@@ -62,18 +54,9 @@ void drive(const std::function<PlatformState(double)>& platform, double duration
     const double now = 0.01 * k, seen = now - 0.03;
     if (seen >= 0) {
       const PlatformState x = platform(seen);
-      PlatformImu imu;
-      imu.captured = x.t;
-      imu.w_IN_N = x.w_IN_N;
-      imu.f_N = x.a_IN_N - gravity_N(x);
-      EXPECT_TRUE(tracker.add(imu));
+      EXPECT_TRUE(tracker.add(imu_of(x)));
       if (k % 2 == 0) {
-        PlatformOdometry o;
-        o.captured = x.t;
-        o.X_IN = x.X_IN;
-        o.v_IN_N = x.v_IN_N;
-        o.w_IN_N = x.w_IN_N;
-        EXPECT_TRUE(tracker.add(o));
+        EXPECT_TRUE(tracker.add(odometry_of(x)));
       }
     }
     deck.add(from_seconds(now), tracker, Vector3::Zero());
@@ -155,13 +138,7 @@ TEST(DeckMotion, AGapStartsItsSamplesAnew) {
   DeckMotion deck;
   for (int k = 0; k < 3000; ++k) {
     const double now = 0.01 * k;
-    PlatformOdometry o;
-    const PlatformState x = sea.at(now);
-    o.captured = x.t;
-    o.X_IN = x.X_IN;
-    o.v_IN_N = x.v_IN_N;
-    o.w_IN_N = x.w_IN_N;
-    ASSERT_TRUE(tracker.add(o));
+    ASSERT_TRUE(tracker.add(odometry_of(sea.at(now))));
     // The computer stands still for 0.4 s each 3 s.
     if (k % 300 >= 40) deck.add(from_seconds(now), tracker, Vector3::Zero());
     EXPECT_TRUE(deck.force_N(0.7).allFinite());

@@ -5,6 +5,7 @@
 
 #include "alight/base/rng.h"
 #include "alight/platform/platform_tracker.h"
+#include "alight/platform/test/deck.h"
 #include "alight/platform/ugv_controller.h"
 
 namespace alight {
@@ -89,17 +90,9 @@ TEST(PlatformTracker, CarriesACircleForward) {
 
 /// Rolls about an axis 3 m below, as decks do.
 PlatformState rolling(double t_s, double w) {
-  const double lever = 3, r = 0.14 * std::sin(w * t_s),
-               r1 = 0.14 * w * std::cos(w * t_s), r2 = -w * w * r;
-  PlatformState x;
-  x.t = from_seconds(t_s);
-  x.X_IN.linear() = so3_exp(Vector3(r, 0, 0));
-  x.X_IN.translation() = x.X_IN.linear() * Vector3(0, 0, lever);
-  x.w_IN_N = Vector3(r1, 0, 0);
-  x.alpha_IN_N = Vector3(r2, 0, 0);
-  x.v_IN_N = x.w_IN_N.cross(Vector3(0, 0, lever));
-  x.a_IN_N = x.alpha_IN_N.cross(Vector3(0, 0, lever)) + x.w_IN_N.cross(x.v_IN_N);
-  return x;
+  const double roll = 0.14 * std::sin(w * t_s);
+  return rolled(from_seconds(t_s), roll, 0.14 * w * std::cos(w * t_s), -w * w * roll,
+                3);
 }
 
 // Both are fed forward, the rate times a tenth of a second: what trails behind is flown
@@ -111,18 +104,9 @@ TEST(PlatformTracker, AnImusForceAndItsRateDoNotTrailBehindADeckThatRolls) {
     for (int k = 0; k < 4000; ++k) {
       const double t = 0.005 * k;
       const PlatformState truth = rolling(t, w);
-      PlatformImu imu;
-      imu.captured = truth.t;
-      imu.f_N = truth.a_IN_N - gravity_N(truth);
-      imu.w_IN_N = truth.w_IN_N;
-      ASSERT_TRUE(tracker.add(imu));
+      ASSERT_TRUE(tracker.add(imu_of(truth)));
       if (k % 4 == 0) {
-        PlatformOdometry o;
-        o.captured = truth.t;
-        o.X_IN = truth.X_IN;
-        o.v_IN_N = truth.v_IN_N;
-        o.w_IN_N = truth.w_IN_N;
-        ASSERT_TRUE(tracker.add(o));
+        ASSERT_TRUE(tracker.add(odometry_of(truth)));
       }
       if (k < 1000) continue;
       const auto f_I = [](const PlatformState& x) -> Vector3 {

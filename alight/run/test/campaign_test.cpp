@@ -220,8 +220,9 @@ TEST(CampaignSummary, CountsWhatItIsGiven) {
     run.scenario = 0;
     run.result.outcome = outcomes[i];
     run.result.attempts = i;
-    if (i < 3)
+    if (i < 3) {
       run.result.touchdown = LandingResult::Touchdown{1, 0.01 * i, 0.16 * i, 2, 0};
+    }
     result.runs.push_back(run);
   }
   const auto summaries = summarize(options, result);
