@@ -76,6 +76,7 @@ RelativeEstimatorConfig RelativeEstimatorConfig::paper() {
   config.calibrate_at_rest = false;
   config.learn_led_errors = false;
   config.tell_apart = false;
+  config.heed_noise = false;
   config.keep_rivals = false;
   config.search_lean_deg = 180;
   return config;
@@ -174,6 +175,11 @@ bool RelativeEstimator::fuse(const CameraFrame& frame, const MotionSource& motio
   last_frame_ = frame.captured;
   lift_N_ = motion.at(frame.captured, filter_.state()).lift_N;
 
+  if (config_.heed_noise) {
+    const PictureNoise noise = picture_noise(frame.color);
+    detector_.set_noise(noise);
+    resolver_.set_noise(noise);
+  }
   if (config_.frozen_pictures > 0) {
     const int alike = repeat_.look(frame.color);
     unlike_ = alike > 1 ? 0 : unlike_ + 1;

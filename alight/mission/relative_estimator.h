@@ -18,6 +18,7 @@ namespace alight {
 
 struct RelativeEstimatorConfig {
   BlobDetectorConfig blobs;
+  bool heed_noise = true;  ///< In pictures noisier than most, fewer pixels are lights.
   LedFinderConfig finder;
   LedTrackerConfig tracker;
   bool tell_apart = true;  ///< Place LEDs by their pixels, not by their blob's centre.

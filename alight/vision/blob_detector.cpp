@@ -166,6 +166,7 @@ Result<BlobSpan> BlobDetector::detect(const ImageView& image, const DepthView& d
   threshold_ = what == LookFor::bright
                    ? config_.grey_threshold
                    : std::min(config_.dim_threshold, config_.grey_threshold);
+  threshold_ = std::min(std::max(threshold_, noise_.threshold()), 254);
   Roi cut = roi.empty() ? Roi{0, 0, width_, height_} : roi;
   cut = {std::max(cut.u0, 0), std::max(cut.v0, 0), std::min(cut.u1, width_),
          std::min(cut.v1, height_)};
@@ -254,7 +255,8 @@ Blob BlobDetector::finish(const Part& part, const ImageView& image,
 
   // Pixel noise n moves the centroid by n sqrt(area * spread) / w; a patch of few
   // pixels is besides rounded to the grid, which a larger one averages out.
-  const double noise2 = 4 + 0.1 * w / part.area;
+  const double noise2 =
+      std::max(4.0, noise_.grey_sd * noise_.grey_sd) + 0.1 * w / part.area;
   const double floor2 = config_.centroid_sd_min_px * config_.centroid_sd_min_px;
   const double grid2 = 1.0 / 12 / std::pow(part.area, 1.5);
   const Matrix2 shape = blob.spread + Matrix2::Identity() / 12;

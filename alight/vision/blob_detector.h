@@ -4,6 +4,7 @@
 
 #include "alight/base/result.h"
 #include "alight/vision/blob.h"
+#include "alight/vision/picture_noise.h"
 
 namespace alight {
 
@@ -60,6 +61,10 @@ class BlobDetector {
   Result<BlobSpan> detect(const ImageView& image, const DepthView& depth = {},
                           const Roi& roi = {}, LookFor what = LookFor::bright);
 
+  /// The pictures from now on are so noisy: what may be noise is no light, whatever the
+  /// configured thresholds.
+  void set_noise(const PictureNoise& noise) { noise_ = noise; }
+
   const BlobDetectorConfig& config() const { return config_; }
 
  private:
@@ -85,6 +90,7 @@ class BlobDetector {
                   const DepthView& depth) const;
 
   BlobDetectorConfig config_;
+  PictureNoise noise_;
   int threshold_;  ///< Of the picture that is looked at.
   int width_, height_;
   std::vector<Run> runs_;

@@ -12,10 +12,11 @@
 namespace alight {
 namespace {
 
-constexpr double kDark = 0.08;         // share of the brightest that is no light
-constexpr double kVagueSd = 3;         // px; an LED less well placed is not seen
-constexpr double kForeignReach = 40;   // px
-constexpr double kDimLeast = 12;       // grey levels of an LED that has no blob
+constexpr double kDark = 0.08;        // share of the brightest that is no light
+constexpr double kVagueSd = 3;        // px; an LED less well placed is not seen
+constexpr double kForeignReach = 40;  // px
+constexpr double kDimLeast = 12;      // grey levels of an LED that has no blob, at the
+constexpr double kNoiseUsual = PointSpread{}.noise_variance;  // noise of most cameras
 constexpr std::size_t kSureLeds = 3;   // with blobs of their own, before dim ones count
 constexpr double kGoodChi2 = 3;        // per pixel; a worse fit is tried again
 constexpr double kStrangerReach = 15;  // px around the constellation
@@ -136,6 +137,10 @@ LedResolver::LedResolver(const LedResolverConfig& config, const Camera& camera,
       camera_(camera),
       leds_(leds),
       spread_{config.spread_sd_px * config.spread_sd_px, config.spread_share} {}
+
+void LedResolver::set_noise(const PictureNoise& noise) {
+  spread_.noise_variance = std::max(kNoiseUsual, noise.luminance_variance);
+}
 
 void LedResolver::learn(const Patch& patch) {
   if (!patch.fit) return;
@@ -343,7 +348,7 @@ void LedResolver::fit(Look& look, Patch& patch) const {
       spread_, blur, {foreign.data(), foreign.size()}, {beside.data(), beside.size()});
   if (!found) return;
   if (patch.area_px == 0 &&
-      (found->height[0] < kDimLeast ||
+      (found->height[0] < kDimLeast * std::sqrt(spread_.noise_variance / kNoiseUsual) ||
        (found->uv[0] - starts[0]).norm() > config_.dim_reach_px)) {
     return;
   }

@@ -1,6 +1,7 @@
 #pragma once
 #include "alight/vision/led_tracker.h"
 #include "alight/vision/light_share.h"
+#include "alight/vision/picture_noise.h"
 #include "alight/vision/spot_fit.h"
 
 namespace alight {
@@ -63,6 +64,9 @@ class LedResolver {
   static constexpr double kHoldSd = 1.5;
 
   const PointSpread& spread() const { return spread_; }
+
+  /// The pictures from now on are so noisy, if that is more than any camera is.
+  void set_noise(const PictureNoise& noise);
 
   /// Nothing covers part of a light in the picture looked at last.
   bool whole() const { return share_.whole() && area_share_.whole(); }

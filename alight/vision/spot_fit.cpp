@@ -12,7 +12,6 @@ namespace {
 constexpr double kReach = 2.6;        // standard deviations around a light
 constexpr int kCensored = 240;        // grey level from which a pixel is full
 constexpr float kFullMost = 0.67f;    // share of full pixels; beyond it no rim is seen
-constexpr float kReadVariance = 6;    // of a pixel's luminance, grey levels^2
 constexpr float kShot = 0.15f;        // variance per grey level
 constexpr float kMismatch = 0.04f;    // of the model, share of the light
 constexpr double kBackgroundSd = 15;  // grey levels
@@ -39,7 +38,8 @@ struct Pixels {
 };
 
 /// Luminance (ITU-R BT.601) and whether a channel is at its upper end.
-void take(const ImageView& image, int u, int v, std::size_t at, Pixels& out) {
+void take(const ImageView& image, int u, int v, float noise, std::size_t at,
+          Pixels& out) {
   const std::uint8_t* p = image.row(v) + u * image.channels;
   float light = p[0];
   int most = p[0];
@@ -52,7 +52,7 @@ void take(const ImageView& image, int u, int v, std::size_t at, Pixels& out) {
   out.v[at] = static_cast<float>(v);
   out.light[at] = light;
   out.full[at] = most >= kCensored ? 1.f : 0.f;
-  out.weight[at] = 1 / (kReadVariance + kShot * light + mismatch * mismatch);
+  out.weight[at] = 1 / (noise + kShot * light + mismatch * mismatch);
 }
 
 /// Up to a whole lane.
@@ -67,7 +67,7 @@ void pad(Pixels& out) {
 }
 
 bool gather(const ImageView& image, std::span<const Vector2> starts, double reach,
-            std::span<const ForeignLight> foreign, Pixels& out) {
+            double noise, std::span<const ForeignLight> foreign, Pixels& out) {
   Vector2 low = starts[0], high = starts[0];
   for (const Vector2& uv : starts) {
     low = low.cwiseMin(uv);
@@ -96,7 +96,7 @@ bool gather(const ImageView& image, std::span<const Vector2> starts, double reac
       const auto inside = [&](const ForeignLight& light) { return light.covers(u, v); };
       if (std::any_of(foreign.begin(), foreign.end(), inside)) continue;
       if (count == kPixelsMax) return false;
-      take(image, u, v, count++, out);
+      take(image, u, v, static_cast<float>(noise), count++, out);
     }
   }
   if (count <= 3 * starts.size() + 4) return false;
@@ -348,7 +348,8 @@ std::optional<SpotFit> fit_spots(const ImageView& image,
                                  std::span<const LightBeside> beside) {
   if (starts.empty() || starts.size() > kMaxGroup) return std::nullopt;
   Pixels pixels;
-  if (!gather(image, starts, spot_reach_px(spread, blur_px), foreign, pixels)) {
+  if (!gather(image, starts, spot_reach_px(spread, blur_px), spread.noise_variance,
+              foreign, pixels)) {
     return std::nullopt;
   }
   if (full_share(pixels) > kFullMost) return std::nullopt;
@@ -375,10 +376,12 @@ std::optional<SkirtLook> look_at_skirt(const ImageView& image, const Vector2& mi
   static_assert(kBoxSide * kBoxSide <= kPixelsMax);
   const int u0 = static_cast<int>(std::lround(middle.x())) - kSkirtBox;
   const int v0 = static_cast<int>(std::lround(middle.y())) - kSkirtBox;
+  const auto noise = static_cast<float>(spread.noise_variance);
   Pixels pixels;
   std::size_t count = 0;
   for (int v = v0; v <= v0 + 2 * kSkirtBox; ++v) {
-    for (int u = u0; u <= u0 + 2 * kSkirtBox; ++u) take(image, u, v, count++, pixels);
+    for (int u = u0; u <= u0 + 2 * kSkirtBox; ++u)
+      take(image, u, v, noise, count++, pixels);
   }
   pixels.count = static_cast<int>(count);
   pad(pixels);
