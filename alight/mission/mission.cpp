@@ -236,8 +236,10 @@ bool Mission::overruled(const MissionInput& in, Output& out) {
     failsafe_ = true;
     failsafe_since_ = in.now;
   }
+  // Back on the pad after that, a drone that never left it is asked to be elsewhere.
+  const Seconds failsafe_s = leaves_ground(in) ? 0 : config_.failsafe_s;
   if (in.mode == AutopilotMode::land ||
-      (failsafe_ && to_seconds(in.now - failsafe_since_) > config_.failsafe_s)) {
+      (failsafe_ && to_seconds(in.now - failsafe_since_) >= failsafe_s)) {
     go(MissionState::lost_link, in.computer_was_late ? kStoodStill : kFailsafe, in,
        out);
     return true;

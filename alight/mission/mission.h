@@ -92,6 +92,8 @@ class Mission {
   /// flies.
   double platform_wish(const MissionInput& in);
   double ramp_rate(const MissionInput& in) const;  // 1/s
+  bool stood(const MissionInput& in);
+  bool leaves_ground(const MissionInput& in) const;
   void leave_ground(const MissionInput& in, Command& c) const;
   /// Aborted in sight and clear of the platform, which stays to see it to the floor.
   bool stays_beside(const MissionInput& in) const;
@@ -157,7 +159,9 @@ class Mission {
   int landings_before_low_ = 0;  // begun when the battery became low
   bool disarms_ = false;         // on the ground: an armed drone is told to disarm
   int starts_ = 0;               // take-offs begun
-  bool coming_down_ = false;     // sight was lost before the drone was known to fly
+  Time stood_since_ = 0;         // on its feet on the pad
+  // Sight or the link was lost before the drone was known to fly.
+  bool coming_down_ = false, for_the_link_ = false;
   Time coming_down_since_ = 0;
   bool left_ = false;               // aborted: the autopilot has been told to land
   bool for_want_of_sight_ = false;  // aborted: nothing else was wrong

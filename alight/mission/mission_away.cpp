@@ -40,6 +40,10 @@ constexpr Seconds kShortSearch = 0.9;
 double Mission::platform_wish(const MissionInput& in) {
   // A platform that can wait does so until it can be followed.
   const MissionState state = status_.state;
+  // Motors of a start that has ended, until they are heard to have stopped.
+  const bool may_turn =
+      (state == MissionState::idle || state == MissionState::refused) && starts_ > 0 &&
+      in.armed;
   const bool on_its_way = state == MissionState::idle || state == MissionState::armed ||
                           state == MissionState::taken_off;
   // Where others bring it down, the platform is first to get out of the way, then not
@@ -53,13 +57,14 @@ double Mission::platform_wish(const MissionInput& in) {
     waits_for_it_ = true;
   }
   // Where there is no way out any more, they had better meet gently.
-  const bool up = state != MissionState::idle && state != MissionState::armed &&
-                  state != MissionState::complete;
+  const bool up =
+      may_turn || (state != MissionState::idle && state != MissionState::armed &&
+                   state != MissionState::complete);
   // Unseen and light on its feet the wind brakes it, too.
   const bool light = state == MissionState::taken_off && !airborne_ && coming_down_;
   // Not heard but seen to do as it is told: only its words are lost.
-  const bool unheard =
-      !in.link->healthy(in.now) && (state == MissionState::lost_link || !obeys(in));
+  const bool unheard = !in.link->healthy(in.now) &&
+                       (state == MissionState::lost_link || may_turn || !obeys(in));
   const bool alone =
       light || (up && in.telemetry_heard && in.armed &&
                 (unheard || in.mode == AutopilotMode::failsafe ||

@@ -22,6 +22,10 @@ constexpr Seconds kLeavesIn = 0.8;  // which is never far off.
 constexpr double kMovesIt = 1.25;
 constexpr double kStandNoise = 0.001;  // m; a rise that standing drones show
 constexpr Seconds kRampActsIn = 0.1;  // Later, the take-off's thrust grows more slowly.
+// A drone that stands: so near to its feet's height, m, so level, as slow as this, m/s,
+// for so long.
+constexpr double kFeetDown = 0.04, kUprightDeg = 15, kStill = 0.1;
+constexpr Seconds kStoodFor = 0.2;
 constexpr const char* kUnhealthy = "the radio link is not healthy";
 
 double angle_between(const Vector3& a, const Vector3& b) {
@@ -56,6 +60,8 @@ void Mission::idle(const MissionInput& in, Command& c, Output& out) {
              (!in.estimate_valid || unseen(in) > kFreshSight)) {
     missing = in.blindness == Blindness::leds ? "the LEDs are not seen on the pad"
                                               : words_for(in.blindness).lost;
+  } else if (!config_.start_on_floor && !stood(in)) {
+    missing = "the drone does not stand on the pad";
   }
   if (missing == nullptr && in.battery < config_.safety.battery_low) {
     go(MissionState::refused, "the battery is too low to start", in, out);
@@ -66,6 +72,18 @@ void Mission::idle(const MissionInput& in, Command& c, Output& out) {
   } else if (in_state(in) > config_.ready_timeout_s) {
     go(MissionState::refused, missing, in, out);
   }
+}
+
+// A start that failed may have thrown it over or off the pad.
+bool Mission::stood(const MissionInput& in) {
+  const RelativeState& x = in.x_seen;
+  const bool stands =
+      std::abs(x.p_NB.z() - gear_height_) < kFeetDown &&
+      x.p_NB.head<2>().cwiseAbs().maxCoeff() < pad_half_ &&
+      std::acos(std::clamp(x.R_NB(2, 2), -1.0, 1.0)) < kUprightDeg * kDegree &&
+      x.v_NB.norm() < kStill;
+  if (!stands) stood_since_ = in.now;
+  return to_seconds(in.now - stood_since_) >= kStoodFor;
 }
 
 void Mission::armed(const MissionInput& in, Command& c, Output& out) {
@@ -149,8 +167,10 @@ void Mission::taken_off(const MissionInput& in, Command& c, Output& out) {
   // with less thrust than carries it, it comes down softly.
   const bool stale =
       unseen(in) > unseen_lifting_ || (in.picture_repeats && c.ramp_share > kMovesIt);
-  if (!config_.start_on_floor && !coming_down_ && stale) {
+  const bool unheard = !in.link->healthy(in.now);
+  if (!config_.start_on_floor && !coming_down_ && (stale || unheard)) {
     coming_down_ = true;
+    for_the_link_ = !stale;
     coming_down_since_ = in.now;
   }
   if (coming_down_) c.ramp_share = std::min(c.ramp_share, kComingDown);
@@ -167,7 +187,7 @@ void Mission::taken_off(const MissionInput& in, Command& c, Output& out) {
     const char* reason = config_.start_on_floor
                              ? "never came into sight: the autopilot lands"
                              : "did not leave the ground";
-    if (blind) reason = words_for(in.blindness).lost;
+    if (blind) reason = for_the_link_ ? kUnhealthy : words_for(in.blindness).lost;
     if (blind && !abort_wanted_ && starts_ < config_.starts_max) {
       go(MissionState::idle, reason, in, out);
       return;
@@ -224,13 +244,18 @@ double Mission::ramp_rate(const MissionInput& in) const {
   return config_.ramp_rate * std::min(1.0, kRampActsIn / std::max(in.acts_in, 1e-3));
 }
 
+bool Mission::leaves_ground(const MissionInput& in) const {
+  return status_.state == MissionState::taken_off && airborne_ &&
+         !config_.start_on_floor && to_seconds(in.now - lifted_at_) <= kLeavesIn &&
+         in.z_acted - p_rest_.z() <= kLeft;
+}
+
 // Light on its feet it may still stand when it is seen to slide: what the ground
 // carries is no wind from below. (To limit its tilt has it slide off in a wind.) What
 // is on its way to it counts: waiting to see it rise throws it up.
 void Mission::leave_ground(const MissionInput& in, Command& c) const {
+  if (!leaves_ground(in)) return;
   const Seconds since = to_seconds(in.now - lifted_at_);
-  if (config_.start_on_floor || since > kLeavesIn) return;
-  if (in.z_acted - p_rest_.z() > kLeft) return;
   c.thrust_least = std::min(share_lifted_ + ramp_rate(in) * since, config_.ramp_to);
 }
 

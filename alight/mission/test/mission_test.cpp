@@ -1325,6 +1325,83 @@ TEST(Mission, ADroneThatIsNoLongerSeenAsItLiftsComesDownSoftly) {
   }
 }
 
+// Of the drone's place and thrust nothing is known then but what pictures show.
+TEST(Mission, ALinkThatFailsAsItLiftsEndsTheStartAndThePlatformBrakes) {
+  for (const double lost_at : {0.8, 0.95, 1.0, 1.1}) {
+    SCOPED_TRACE(lost_at);
+    Flight f;
+    f.lifts = false;
+    ASSERT_TRUE(f.reach(State::taken_off));
+    while (f.c.ramp_share < lost_at) f.step();
+    f.link_up = false;
+    double most = 0, wish = 1;
+    const Time lost = f.now();
+    const auto step = [&] {
+      f.step();
+      EXPECT_LE(f.c.platform_speed_wish, wish);
+      wish = f.c.platform_speed_wish;
+    };
+    while (f.state() == State::taken_off) {
+      step();
+      if (to_seconds(f.now() - lost) > 0.25) most = std::max(most, f.c.ramp_share);
+    }
+    EXPECT_LT(most, 0.75) << "less than carries it";
+    EXPECT_EQ(f.reason(), "the radio link is not healthy");
+    EXPECT_EQ(f.orders_disarm, 1);
+    EXPECT_LT(wish, 0.6);
+    for (int i = 0; i < 300; ++i) step();
+    EXPECT_LT(wish, 0.01) << "its motors may turn still";
+    // Heard again it is disarmed, and starts anew.
+    f.link_up = f.lifts = true;
+    EXPECT_TRUE(f.until(State::follow, 20));
+  }
+}
+
+TEST(Mission, ItStartsOnlyOnItsFeetOnThePad) {
+  const auto refused = [](const char* what, auto&& place) {
+    SCOPED_TRACE(what);
+    Flight f;
+    place(f);
+    f.wish = OperatorWish::go;
+    for (int i = 0; i < 1000 && f.state() == State::idle; ++i) {
+      f.step();
+      place(f);
+    }
+    EXPECT_EQ(f.state(), State::refused);
+    EXPECT_EQ(f.reason(), "the drone does not stand on the pad");
+    EXPECT_EQ(f.orders_arm, 0);
+  };
+  refused("upside down", [](Flight& f) { f.x().R_NB = so3_exp(Vector3(kPi, 0, 0)); });
+  refused("on its side", [](Flight& f) { f.x().R_NB = so3_exp(Vector3(0, 0.4, 0)); });
+  refused("beside", [](Flight& f) { f.x().p_NB = Vector3(-0.25, 0, 0.06); });
+  refused("above", [](Flight& f) { f.x().p_NB.z() = 0.12; });
+  refused("sliding", [](Flight& f) { f.x().v_NB = Vector3(0.2, 0, 0); });
+  // As rigs are off, and a drone that is put down by hand is.
+  Flight f;
+  f.x().p_NB += Vector3(0.05, -0.05, 0.015);
+  f.x().R_NB = so3_exp(Vector3(0.1, 0.1, 0.5));
+  EXPECT_TRUE(f.reach(State::taken_off));
+}
+
+TEST(Mission, AFailsafeWithFeetOnThePadIsTheEnd) {
+  Flight f;
+  f.slid = Vector3(0.02, 0, 0);
+  f.lifts = false;
+  ASSERT_TRUE(f.reach(State::taken_off));
+  while (!f.c.lifted) f.step();  // for it slides
+  f.mode = AutopilotMode::failsafe;
+  ASSERT_TRUE(f.until(State::lost_link, 0.1));
+  EXPECT_EQ(f.c.mode, MissionCommand::Mode::silent);
+  f.run(1);
+  EXPECT_LT(f.c.platform_speed_wish, 0.2);
+  // In the air a burst of losses may end.
+  Flight high;
+  ASSERT_TRUE(high.reach(State::follow));
+  high.mode = AutopilotMode::failsafe;
+  high.run(0.9);
+  EXPECT_EQ(high.state(), State::follow);
+}
+
 TEST(Mission, ThrustThatMovesItAndPicturesThatDoNotChangeEndTheStart) {
   Flight f;
   f.lifts = false;
