@@ -23,8 +23,10 @@ constexpr double kMovesIt = 1.25;
 constexpr double kStandNoise = 0.001;  // m; a rise that standing drones show
 constexpr Seconds kRampActsIn = 0.1;  // Later, the take-off's thrust grows more slowly.
 // A drone that stands: so near to its feet's height, m, so level, as slow as this, m/s,
-// for so long.
-constexpr double kFeetDown = 0.04, kUprightDeg = 15, kStill = 0.1;
+// for so long. Before it has been seen to, a rig that is not as written down feigns
+// more.
+constexpr double kFeetDown = 0.04, kLevelDeg = 12, kStill = 0.1;
+constexpr double kBeforeTheFirst = 2.5;
 constexpr Seconds kStoodFor = 0.2;
 constexpr const char* kUnhealthy = "the radio link is not healthy";
 
@@ -77,10 +79,11 @@ void Mission::idle(const MissionInput& in, Command& c, Output& out) {
 // A start that failed may have thrown it over or off the pad.
 bool Mission::stood(const MissionInput& in) {
   const RelativeState& x = in.x_seen;
+  const double slack = starts_ == 0 ? kBeforeTheFirst : 1;
   const bool stands =
-      std::abs(x.p_NB.z() - gear_height_) < kFeetDown &&
-      x.p_NB.head<2>().cwiseAbs().maxCoeff() < pad_half_ &&
-      std::acos(std::clamp(x.R_NB(2, 2), -1.0, 1.0)) < kUprightDeg * kDegree &&
+      std::abs(x.p_NB.z() - gear_height_) < slack * kFeetDown &&
+      x.p_NB.head<2>().cwiseAbs().maxCoeff() < pad_half_ + (slack - 1) * kFeetDown &&
+      std::acos(std::clamp(x.R_NB(2, 2), -1.0, 1.0)) < slack * kLevelDeg * kDegree &&
       x.v_NB.norm() < kStill;
   if (!stands) stood_since_ = in.now;
   return to_seconds(in.now - stood_since_) >= kStoodFor;

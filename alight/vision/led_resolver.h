@@ -65,7 +65,7 @@ class LedResolver {
 
   const PointSpread& spread() const { return spread_; }
 
-  /// The pictures from now on are so noisy, if that is more than any camera is.
+  /// The pictures from now on are so noisy, or as most are, if that is more.
   void set_noise(const PictureNoise& noise);
 
   /// Nothing covers part of a light in the picture looked at last.
