@@ -91,6 +91,7 @@ class Mission {
   /// What the platform is wished to do about a drone that its autopilot or its pilot
   /// flies.
   double platform_wish(const MissionInput& in);
+  bool stopped_beneath(const MissionInput& in);
   double ramp_rate(const MissionInput& in) const;  // 1/s
   bool stood(const MissionInput& in);
   bool leaves_ground(const MissionInput& in) const;
@@ -166,6 +167,8 @@ class Mission {
   bool left_ = false;               // aborted: the autopilot has been told to land
   bool for_want_of_sight_ = false;  // aborted: nothing else was wrong
   bool waits_for_it_ = false;       // the platform, for a drone that lands by itself
+  double landing_speed_ = 0;        // the platform's, as the landing began, m/s
+  bool stays_for_touch_ = false;    // it has stopped since
   Time left_alone_since_ = 0;
   bool alone_ = false;     // the autopilot or the pilot flies, or soon does:
   Seconds brakes_in_ = 0;  // the platform does, if not zero: they would meet, or the

@@ -23,6 +23,8 @@ constexpr Seconds kOutOfTheWay = 3;
 constexpr Seconds kBrakes = 0.55;
 constexpr Seconds kSinksAfter = 0.2;
 constexpr double kSinks = 0.6;
+// m/s; slower than this share of what it drove as the landing began, it has stopped.
+constexpr double kDrives = 0.2, kStoppedShare = 0.3;
 // One that is seen to come down beside the platform is left behind a little.
 constexpr Seconds kBrakesBeside = 1;
 constexpr double kRoomBeside = 0.1;  // m, from the pad's corner to a rotor
@@ -77,8 +79,23 @@ double Mission::platform_wish(const MissionInput& in) {
   }
   alone_ = alone;
   if ((config_.start_on_floor && on_its_way) || waits_for_it_) return 0;
+  if (stopped_beneath(in)) return 0;
   if (!alone || brakes_in_ <= 0) return 1;
   return std::exp(-to_seconds(in.now - alone_since_) / brakes_in_);
+}
+
+// What stopped a platform may let it go again just as the feet touch: 3 m/s^2 throw a
+// drone over that has no weight on them yet. It is asked to stay until that is done.
+bool Mission::stopped_beneath(const MissionInput& in) {
+  const MissionState state = status_.state;
+  const double v = horizontal(in.platform.v_IN_N);
+  if (state != MissionState::land && state != MissionState::shut_down) {
+    landing_speed_ = v;
+    stays_for_touch_ = false;
+  }
+  stays_for_touch_ = stays_for_touch_ ||
+                     (landing_speed_ > kDrives && v < kStoppedShare * landing_speed_);
+  return stays_for_touch_;
 }
 
 // Until it is on the floor the autopilot knows its place and speed only while it is

@@ -88,6 +88,8 @@ UgvCommand PlatformMotion::rebel(const PadMutiny& mutiny, Seconds dt) {
     left_ = on_path();
     was_ = command_;
   }
+  // It hears what it is wished meanwhile: that it does as soon as it obeys again.
+  controller_.step(left_, moving_ ? wish_ : 0.0, dt);
   const double v =
       approach(command_.v, mutiny.speed_m_s.value_or(was_.v), kHardPace * dt);
   const double curvature = was_.v > 0.05 ? was_.w / was_.v : 0;

@@ -1460,6 +1460,41 @@ std::vector<double> wishes_without_link(double z, double speed, Seconds silent_s
   return wishes;
 }
 
+TEST(Mission, APlatformThatStopsBeneathALandingIsAskedToStay) {
+  Flight f;
+  ASSERT_TRUE(f.reach(State::land));
+  EXPECT_EQ(f.c.platform_speed_wish, 1);
+  f.platform_speed = 0.5;  // slower, for a bend
+  f.run(0.1);
+  EXPECT_EQ(f.c.platform_speed_wish, 1);
+  f.platform_speed = 0.1;
+  f.run(0.1);
+  EXPECT_EQ(f.c.platform_speed_wish, 0);
+  f.platform_speed = 0.9;  // Whatever it does: it is not told to go.
+  while (f.state() == State::land || f.state() == State::shut_down) {
+    EXPECT_EQ(f.c.platform_speed_wish, 0);
+    f.step();
+  }
+  ASSERT_EQ(f.state(), State::complete);
+  EXPECT_EQ(f.c.platform_speed_wish, 1);
+
+  Flight around;
+  ASSERT_TRUE(around.reach(State::land));
+  around.platform_speed = 0;
+  around.run(0.1);
+  EXPECT_EQ(around.c.platform_speed_wish, 0);
+  around.off = Vector3(0.4, 0, 0);
+  ASSERT_TRUE(around.until(State::go_around, 3));
+  EXPECT_EQ(around.c.platform_speed_wish, 1);
+
+  Flight still;
+  still.platform_speed = 0.15;
+  ASSERT_TRUE(still.reach(State::land));
+  still.platform_speed = 0;
+  still.run(0.1);
+  EXPECT_EQ(still.c.platform_speed_wish, 1) << "nothing has stopped";
+}
+
 TEST(Mission, LowOverThePadThePlatformBrakesAsTheSilentDroneDoes) {
   for (const double speed : {0.3, 0.9, 2.0}) {
     SCOPED_TRACE(speed);

@@ -139,6 +139,27 @@ TEST(PlatformMotion, AMutinyIsCarriedOutAndEndsSmoothly) {
   EXPECT_NEAR(motion.state().w_IN_N.z(), 0.9 / 1.5, 0.05);
 }
 
+TEST(PlatformMotion, WhatItIsWishedInAMutinyItDoesAfterIt) {
+  for (const double wish : {0.0, 0.9}) {
+    PlatformMotion m(drive(PlatformKind::circle), 0.26, true, Rng(1));
+    const auto run = [&](double seconds, const PadMutiny& mutiny) {
+      double fastest = 0;
+      for (int i = 0; i < static_cast<int>(std::lround(seconds / kDt)); ++i) {
+        m.step(kDt, mutiny);
+        fastest = std::max(fastest, m.state().v_IN_N.norm());
+      }
+      return fastest;
+    };
+    run(4, {});
+    EXPECT_NEAR(m.state().v_IN_N.norm(), 0.9, 1e-6);
+    run(0.4, {.speed_m_s = 0, .turn_rad_s = {}});
+    m.wish_speed(wish);
+    run(1.6, {.speed_m_s = 0, .turn_rad_s = {}});
+    const double after = run(1, {});
+    EXPECT_NEAR(after, wish, 1e-6);
+  }
+}
+
 TEST(PlatformMotion, WithoutAMutinyNothingChanges) {
   PlatformMotion a(drive(PlatformKind::block), 0.26, true, Rng(1)), b = a;
   for (int k = 0; k < 5000; ++k) {
