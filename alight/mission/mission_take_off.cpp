@@ -25,7 +25,7 @@ constexpr Seconds kRampActsIn = 0.1;  // Later, the take-off's thrust grows more
 // A drone that stands: so near to its feet's height, m, so level, as slow as this, m/s,
 // for so long. Before it has been seen to, a rig that is not as written down feigns
 // more.
-constexpr double kFeetDown = 0.04, kLevelDeg = 12, kStill = 0.1;
+constexpr double kFeetDown = 0.04, kLevelDeg = 12, kStill = 0.15;
 constexpr double kBeforeTheFirst = 2.5;
 constexpr Seconds kStoodFor = 0.2;
 constexpr const char* kUnhealthy = "the radio link is not healthy";
@@ -84,7 +84,7 @@ bool Mission::stood(const MissionInput& in) {
       std::abs(x.p_NB.z() - gear_height_) < slack * kFeetDown &&
       x.p_NB.head<2>().cwiseAbs().maxCoeff() < pad_half_ + (slack - 1) * kFeetDown &&
       std::acos(std::clamp(x.R_NB(2, 2), -1.0, 1.0)) < slack * kLevelDeg * kDegree &&
-      x.v_NB.norm() < kStill;
+      (starts_ == 0 || x.v_NB.norm() < kStill);
   if (!stands) stood_since_ = in.now;
   return to_seconds(in.now - stood_since_) >= kStoodFor;
 }
