@@ -23,8 +23,8 @@ constexpr double kMovesIt = 1.25;
 constexpr double kStandNoise = 0.001;  // m; a rise that standing drones show
 constexpr Seconds kRampActsIn = 0.1;  // Later, the take-off's thrust grows more slowly.
 // A drone that stands: so near to its feet's height, m, so level, as slow as this, m/s,
-// for so long. Before it has been seen to, a rig that is not as written down feigns
-// more.
+// for so long. Before its first start a rig that is not as written down feigns more,
+// and any speed as LEDs flicker.
 constexpr double kFeetDown = 0.04, kLevelDeg = 12, kStill = 0.15;
 constexpr double kBeforeTheFirst = 2.5;
 constexpr Seconds kStoodFor = 0.2;
