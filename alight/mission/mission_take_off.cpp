@@ -83,7 +83,8 @@ bool Mission::stood(const MissionInput& in) {
   const bool stands =
       std::abs(x.p_NB.z() - gear_height_) < slack * kFeetDown &&
       x.p_NB.head<2>().cwiseAbs().maxCoeff() < pad_half_ + (slack - 1) * kFeetDown &&
-      std::acos(std::clamp(x.R_NB(2, 2), -1.0, 1.0)) < slack * kLevelDeg * kDegree &&
+      angle_between(Vector3(x.R_NB.col(2)), Vector3(Vector3::UnitZ())) <
+          slack * kLevelDeg * kDegree &&
       (starts_ == 0 || x.v_NB.norm() < kStill);
   if (!stands) stood_since_ = in.now;
   return to_seconds(in.now - stood_since_) >= kStoodFor;

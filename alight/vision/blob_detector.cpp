@@ -7,6 +7,7 @@
 
 #include "alight/base/median.h"
 #include "alight/vision/bright_scan.h"
+#include "alight/vision/pixel.h"
 
 namespace alight {
 namespace {
@@ -15,8 +16,7 @@ constexpr std::size_t kMaxRuns = 1 << 17;
 constexpr std::size_t kMaxParts = 1 << 15;
 
 int grey_at(const ImageView& image, int v, int u) {
-  const std::uint8_t* p = image.row(v) + u * image.channels;
-  return image.channels == 1 ? p[0] : std::max({p[0], p[1], p[2]});
+  return grey_of(image.row(v) + u * image.channels, image.channels);
 }
 
 }  // namespace

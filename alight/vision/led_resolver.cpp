@@ -15,8 +15,8 @@ namespace {
 constexpr double kDark = 0.08;        // share of the brightest that is no light
 constexpr double kVagueSd = 3;        // px; an LED less well placed is not seen
 constexpr double kForeignReach = 40;  // px
-constexpr double kDimLeast = 12;      // grey levels of an LED that has no blob, at the
-constexpr double kNoiseUsual = PointSpread{}.noise_variance;  // noise of most cameras
+constexpr double kNoiseUsual = PointSpread{}.noise_variance;  // of most cameras
+constexpr double kDimLeast = 12;       // grey levels of an LED without a blob, with it
 constexpr std::size_t kSureLeds = 3;   // with blobs of their own, before dim ones count
 constexpr double kGoodChi2 = 3;        // per pixel; a worse fit is tried again
 constexpr double kStrangerReach = 15;  // px around the constellation

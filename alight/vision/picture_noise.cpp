@@ -6,6 +6,7 @@
 #include <cstdlib>
 
 #include "alight/base/median.h"
+#include "alight/vision/pixel.h"
 
 namespace alight {
 namespace {
@@ -17,14 +18,6 @@ constexpr double kSds = 5;  // from which on a pixel is more than noise
 // sd of a Gaussian over the median of how much two draws of it differ
 constexpr double kSdPerMedian = 1.4826 / 1.41421356;
 
-struct Level {
-  int grey, luminance;  // luminance in thousandths
-};
-Level level_at(const std::uint8_t* p, int channels) {
-  if (channels == 1) return {p[0], 1000 * p[0]};
-  return {std::max({p[0], p[1], p[2]}), 114 * p[0] + 587 * p[1] + 299 * p[2]};
-}
-
 }  // namespace
 
 int PictureNoise::threshold() const {
@@ -32,7 +25,9 @@ int PictureNoise::threshold() const {
 }
 
 PictureNoise picture_noise(const ImageView& picture) {
-  std::array<int, kGrid * kGrid> grey, grey_steps, luminance_steps;
+  std::array<int, kGrid * kGrid> grey, grey_steps;
+  std::array<float, kGrid * kGrid> luminance_steps;
+  const int channels = picture.channels;
   std::size_t n = 0;
   const int room = std::max(picture.width - kAside, 1);
   for (int i = 0; i < kGrid; ++i) {
@@ -40,18 +35,19 @@ PictureNoise picture_noise(const ImageView& picture) {
     for (int j = 0; j < kGrid; ++j, ++n) {
       const int u = ((2 * j + 1) * room / (2 * kGrid) + i * kShift) % room;
       const int aside = std::min(u + kAside, picture.width - 1);
-      const Level a = level_at(row + u * picture.channels, picture.channels);
-      const Level b = level_at(row + aside * picture.channels, picture.channels);
-      grey[n] = a.grey;
-      grey_steps[n] = std::abs(a.grey - b.grey);
-      luminance_steps[n] = std::abs(a.luminance - b.luminance);
+      const std::uint8_t* a = row + u * channels;
+      const std::uint8_t* b = row + aside * channels;
+      grey[n] = grey_of(a, channels);
+      grey_steps[n] = std::abs(grey[n] - grey_of(b, channels));
+      luminance_steps[n] =
+          std::abs(luminance_of(a, channels) - luminance_of(b, channels));
     }
   }
   PictureNoise noise;
   noise.dark = median(grey.begin(), grey.end());
   noise.grey_sd = kSdPerMedian * median(grey_steps.begin(), grey_steps.end());
-  const double sd =
-      kSdPerMedian * 1e-3 * median(luminance_steps.begin(), luminance_steps.end());
+  const double sd = kSdPerMedian * static_cast<double>(median(luminance_steps.begin(),
+                                                              luminance_steps.end()));
   noise.luminance_variance = sd * sd;
   return noise;
 }

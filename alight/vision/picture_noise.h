@@ -16,8 +16,8 @@ struct PictureNoise {
 };
 
 /// Looks at a grid of pixels and their neighbours a few columns on, which lights, lamps
-/// and edges hardly ever tell apart and noise always does (median of differences, as
-/// Rousseeuw and Croux 1993 estimate scale). No allocation, two microseconds.
+/// and edges hardly ever tell apart and noise always does (median of absolute
+/// differences, Hampel 1974). No allocation, two microseconds.
 /// @pre not empty
 PictureNoise picture_noise(const ImageView& picture);
 

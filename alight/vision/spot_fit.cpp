@@ -6,6 +6,8 @@
 #include <bit>
 #include <cmath>
 
+#include "alight/vision/pixel.h"
+
 namespace alight {
 namespace {
 
@@ -37,21 +39,16 @@ struct Pixels {
   alignas(16) std::array<float, kPixelsMax> full;  // 1: at the sensor's upper end
 };
 
-/// Luminance (ITU-R BT.601) and whether a channel is at its upper end.
+/// Luminance and whether a channel is at its upper end.
 void take(const ImageView& image, int u, int v, float noise, std::size_t at,
           Pixels& out) {
   const std::uint8_t* p = image.row(v) + u * image.channels;
-  float light = p[0];
-  int most = p[0];
-  if (image.channels == 3) {
-    light = 0.114f * p[0] + 0.587f * p[1] + 0.299f * p[2];
-    most = std::max({p[0], p[1], p[2]});
-  }
+  const float light = luminance_of(p, image.channels);
   const float mismatch = kMismatch * light;
   out.u[at] = static_cast<float>(u);
   out.v[at] = static_cast<float>(v);
   out.light[at] = light;
-  out.full[at] = most >= kCensored ? 1.f : 0.f;
+  out.full[at] = grey_of(p, image.channels) >= kCensored ? 1.f : 0.f;
   out.weight[at] = 1 / (noise + kShot * light + mismatch * mismatch);
 }
 
@@ -67,7 +64,7 @@ void pad(Pixels& out) {
 }
 
 bool gather(const ImageView& image, std::span<const Vector2> starts, double reach,
-            double noise, std::span<const ForeignLight> foreign, Pixels& out) {
+            float noise, std::span<const ForeignLight> foreign, Pixels& out) {
   Vector2 low = starts[0], high = starts[0];
   for (const Vector2& uv : starts) {
     low = low.cwiseMin(uv);
@@ -96,7 +93,7 @@ bool gather(const ImageView& image, std::span<const Vector2> starts, double reac
       const auto inside = [&](const ForeignLight& light) { return light.covers(u, v); };
       if (std::any_of(foreign.begin(), foreign.end(), inside)) continue;
       if (count == kPixelsMax) return false;
-      take(image, u, v, static_cast<float>(noise), count++, out);
+      take(image, u, v, noise, count++, out);
     }
   }
   if (count <= 3 * starts.size() + 4) return false;
@@ -348,8 +345,8 @@ std::optional<SpotFit> fit_spots(const ImageView& image,
                                  std::span<const LightBeside> beside) {
   if (starts.empty() || starts.size() > kMaxGroup) return std::nullopt;
   Pixels pixels;
-  if (!gather(image, starts, spot_reach_px(spread, blur_px), spread.noise_variance,
-              foreign, pixels)) {
+  if (!gather(image, starts, spot_reach_px(spread, blur_px),
+              static_cast<float>(spread.noise_variance), foreign, pixels)) {
     return std::nullopt;
   }
   if (full_share(pixels) > kFullMost) return std::nullopt;
@@ -380,8 +377,9 @@ std::optional<SkirtLook> look_at_skirt(const ImageView& image, const Vector2& mi
   Pixels pixels;
   std::size_t count = 0;
   for (int v = v0; v <= v0 + 2 * kSkirtBox; ++v) {
-    for (int u = u0; u <= u0 + 2 * kSkirtBox; ++u)
+    for (int u = u0; u <= u0 + 2 * kSkirtBox; ++u) {
       take(image, u, v, noise, count++, pixels);
+    }
   }
   pixels.count = static_cast<int>(count);
   pad(pixels);

@@ -1,0 +1,18 @@
+#pragma once
+#include <algorithm>
+#include <cstdint>
+
+namespace alight {
+
+/// Grey of the pixel at `p` as LEDs are looked for: of its brightest channel, so that a
+/// blue or red light counts as much as a green one. `channels` as ImageView's.
+inline int grey_of(const std::uint8_t* p, int channels) {
+  return channels == 1 ? p[0] : std::max({p[0], p[1], p[2]});
+}
+
+/// Luminance of the pixel at `p` (ITU-R BT.601), grey levels.
+inline float luminance_of(const std::uint8_t* p, int channels) {
+  return channels == 1 ? p[0] : 0.114f * p[0] + 0.587f * p[1] + 0.299f * p[2];
+}
+
+}  // namespace alight
