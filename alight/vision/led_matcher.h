@@ -37,6 +37,10 @@ struct MatchRule {
                              ///< only where no coloured one is as near.
 };
 
+/// How much larger than LEDs' images usually are one may be, three of them run together
+/// allowed for; what is larger is a lamp.
+inline constexpr double kLargestImage = 4;
+
 /// Whether a blob of color `seen` may show an LED of color `led`.
 bool colors_agree(LedColor seen, LedColor led, bool white_is_any);
 

@@ -571,6 +571,15 @@ std::optional<LedFrame> LedResolver::follow(const ImageView& image, BlobSpan blo
     }
     match.blob[n] = j;
   }
+  // A lamp in front of an LED is seen in its place.
+  FixedVector<double, kMaxLeds> areas;
+  for (const int j : match.blob) {
+    if (j >= 0) areas.push_back(blobs[static_cast<std::size_t>(j)].area_px);
+  }
+  if (areas.size() > 0 && *std::max_element(areas.begin(), areas.end()) >
+                              kLargestImage * median(areas.begin(), areas.end())) {
+    return std::nullopt;
+  }
   Patches patches = this->patches(images, blobs, match);
   LedFrame out;
   out.t = t;

@@ -14,10 +14,8 @@ namespace {
 
 // sd by which an LED may miss its place: a pose fitted to all takes up some of it.
 constexpr double kLedGate = 2.5;
-// LEDs seen in their own colour from which on the others must be, too,
+// LEDs seen in their own colour from which on the others must be, too.
 constexpr std::size_t kEnoughColored = 3;
-// and how much larger than theirs a patch may be, three LEDs run together allowed for.
-constexpr double kLargest = 4;
 
 /// How the picture differs from the predicted one: p -> middle + m (p - middle) +
 /// shift, with m = (1 + growth) e^(i turn) as a complex number.
@@ -198,7 +196,7 @@ LedFrame LedTracker::track(BlobSpan blobs, const Pose& X_NB_predicted,
     }
     if (areas.size() >= kEnoughColored) {
       white_is_any = false;
-      area_max = kLargest * median(areas.begin(), areas.end());
+      area_max = kLargestImage * median(areas.begin(), areas.end());
       Near kept;
       for (const int j : near) {
         if (blobs[static_cast<std::size_t>(j)].area_px <= area_max) kept.push_back(j);

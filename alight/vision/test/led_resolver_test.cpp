@@ -159,6 +159,37 @@ TEST(LedResolver, ALightNearbyThatMayBeTheMissingLedIsSomebodyElsesTask) {
   EXPECT_GE(handed_on, 36);
 }
 
+TEST(LedResolver, ALampInFrontOfAnLedIsNotFollowedInItsPlace) {
+  Rng rng(10);
+  int wrong = 0;
+  for (int run = 0; run < 120; ++run) {
+    Scene scene(rng, 1, 2.5);
+    LedResolver resolver = scene.resolver();
+    const std::span<const Vector2> still(scene.still.data(), scene.still.size());
+    resolver.follow(scene.picture.view(), scene.blobs(), scene.predicted(rng), 2.5,
+                    still, 0);
+    // A row of slats whose middle goes by.
+    const int under = run % 6;
+    const Vector2 led =
+        *project_led(scene.rig.camera, scene.X_NB, scene.rig.leds.p_BL(under));
+    const double turn = rng.uniform(0, kPi);
+    const Vector2 along(std::cos(turn), std::sin(turn));
+    const Vector2 middle = led + rng.uniform(1, 3) * Vector2(-along.y(), along.x());
+    for (int k = -4; k <= 4; ++k) {
+      scene.picture.add(middle + 4.0 * k * along, LedColor::white, 2000, 1.1);
+    }
+    scene.picture.expose(rng);
+    const auto frame = resolver.follow(scene.picture.view(), scene.blobs(),
+                                       scene.predicted(rng), 2.5, still, 1);
+    if (!frame) continue;
+    for (const LedObservation& o : frame->seen) {
+      const double off = scene.error_px(o);
+      if (off > 0.7 && off * off > 9 * o.cov.trace()) ++wrong;
+    }
+  }
+  EXPECT_LE(wrong, 1);
+}
+
 TEST(LedResolver, HoldsTheLedsThatARowOfLampsLeavesInView) {
   Rng rng(8);
   Matrix6 cov = Matrix6::Zero();
