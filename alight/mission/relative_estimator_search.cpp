@@ -363,8 +363,8 @@ bool RelativeEstimator::believable(const FoundLeds& found, Time t) {
            config_.search_gate_m + config_.search_drift_m_s * unseen,
            config_.search_turn_deg * kDegree)) {
     // Among many lamps four lie by chance as four LEDs may, or as more that run
-    // together.
-    if (lights < config_.search_leds) return confirmed(found.fit.X_NB);
+    // together, and in a row even five as those of six.
+    if (lights <= config_.search_leds) return confirmed(found.fit.X_NB);
     confirmations_ = 0;
     return true;
   }
