@@ -32,6 +32,9 @@ struct LandingConfig {
   double odometry_position_sd_m = 0.02;
   double odometry_rotation_sd_deg = 1;
   double odometry_velocity_sd_m_s = 0.05;
+  /// So well the drone's velocity must be known (sd in any direction) for that pose to
+  /// be sent: the autopilot would lean against a drift that there is not.
+  double external_velocity_sd_max_m_s = 0.3;
 
   Result<void> validate() const;
 

@@ -249,7 +249,8 @@ void LandingSystem::Parts::take(const Event& event, Time now, Output& out,
 }
 
 void LandingSystem::Parts::external_pose(const FrameReport& frame, Output& out) const {
-  if (!platform.ready()) return;
+  const double velocity_sd = largest_sd(frame.cov.bottomRightCorner<3, 3>());
+  if (!platform.ready() || velocity_sd > config.external_velocity_sd_max_m_s) return;
   const PlatformState at = platform.at(frame.t);
   const Matrix3 R_IN = at.X_IN.linear();
   ExternalPose& pose = out.external_pose;

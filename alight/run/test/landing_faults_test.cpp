@@ -158,6 +158,36 @@ TEST(LandingFaults, EachIsToldByItsOwnReason) {
   }
 }
 
+// The first pictures after a while say where the drone is and not how fast: told so,
+// its autopilot would lean against a drift that there is not.
+TEST(LandingFaults, TheAutopilotIsToldNoSpeedThatIsNotKnown) {
+  struct Poses : RunObserver {
+    int told = 0, again = 0, vague = 0, wrong = 0;
+    void on_step(const Output& out, const TruthState& truth, double) override {
+      if (!out.has_external_pose) return;
+      const ExternalPose& pose = out.external_pose;
+      ++told;
+      again += truth.t > from_seconds(5.6) && truth.t < from_seconds(6.6);
+      vague += largest_sd(pose.cov.bottomRightCorner<3, 3>()) > 0.31;
+      // I is the odometry's own frame: what is alike in both is how fast.
+      wrong += std::abs(pose.v_IB.norm() - truth.v_IB.norm()) > 0.5;
+    }
+  };
+  for (unsigned seed = 1; seed <= 6; ++seed) {
+    SCOPED_TRACE(seed);
+    LandingRunOptions options = test::options_of("circle", seed);
+    options.timeout_s = 8;
+    options.scenario.faults = {
+        {.kind = FaultKind::camera_out, .at_s = 5, .for_s = 0.6}};
+    Poses poses;
+    ASSERT_TRUE(run_landing(options, &poses));
+    EXPECT_GT(poses.told, 380);
+    EXPECT_GT(poses.again, 50);  // as soon as it is known
+    EXPECT_EQ(poses.vague, 0);
+    EXPECT_EQ(poses.wrong, 0);
+  }
+}
+
 TEST(LandingFaults, TheOperatorsAbortEndsOffThePad) {
   const Story s = story({.kind = FaultKind::operator_abort, .at_s = 5}, 5);
   EXPECT_EQ(s.result.outcome, Outcome::aborted);
