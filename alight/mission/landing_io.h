@@ -103,7 +103,7 @@ struct Trace {
 struct Output {
   Setpoint setpoint;
   AutopilotOrder order = AutopilotOrder::none;
-  bool has_external_pose = false;
+  bool has_external_pose = false;  ///< Only while its speed is known.
   ExternalPose external_pose;
   double platform_speed_wish =
       1;  ///< Share of the speed the platform drives at, 0 to 1.

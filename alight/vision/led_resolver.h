@@ -44,8 +44,9 @@ class LedResolver {
   /// it is expected, `gate_px` around it at most, moved by what all have in common.
   /// Colours that speak against an LED are heeded.
   ///
-  /// @returns nothing when the picture shows light nearby that no LED accounts for, or
-  ///          an LED less than the last time: somebody else has to look.
+  /// @returns nothing when the picture shows light nearby that no LED accounts for, a
+  ///          light in an LED's place that is too large for one, or an LED less than
+  ///          the last time: somebody else has to look.
   std::optional<LedFrame> follow(const ImageView& image, BlobSpan blobs,
                                  const Pose& X_NB_predicted, double gate_px,
                                  std::span<const Vector2> blur_px, Time t);
