@@ -5,7 +5,6 @@
 #include <cmath>
 #include <cstdlib>
 
-#include "alight/base/median.h"
 #include "alight/vision/pixel.h"
 
 namespace alight {
@@ -17,6 +16,25 @@ constexpr int kShift = 5;   // px by which the columns of a row lie off those ab
 constexpr double kSds = 5;  // from which on a pixel is more than noise
 // sd of a Gaussian over the median of how much two draws of it differ
 constexpr double kSdPerMedian = 1.4826 / 1.41421356;
+constexpr float kLuminanceStep =
+    0.25F;  // in which differences are counted, up to 64 levels
+
+/// Of whole numbers up to 255, which it counts: a fifth of the time that sorting takes.
+class CountedMedian {
+ public:
+  void add(int value) { ++counts_[static_cast<std::size_t>(std::min(value, 255))]; }
+  /// The upper one of two. @pre `n` were added
+  int of(int n) const {
+    int value = 0;
+    for (int below = counts_[0]; below <= n / 2;) {
+      below += counts_[static_cast<std::size_t>(++value)];
+    }
+    return value;
+  }
+
+ private:
+  std::array<int, 256> counts_{};
+};
 
 }  // namespace
 
@@ -25,29 +43,30 @@ int PictureNoise::threshold() const {
 }
 
 PictureNoise picture_noise(const ImageView& picture) {
-  std::array<int, kGrid * kGrid> grey, grey_steps;
-  std::array<float, kGrid * kGrid> luminance_steps;
+  CountedMedian grey, grey_steps, luminance_steps;
   const int channels = picture.channels;
-  std::size_t n = 0;
   const int room = std::max(picture.width - kAside, 1);
   for (int i = 0; i < kGrid; ++i) {
     const std::uint8_t* row = picture.row((2 * i + 1) * picture.height / (2 * kGrid));
-    for (int j = 0; j < kGrid; ++j, ++n) {
+    for (int j = 0; j < kGrid; ++j) {
       const int u = ((2 * j + 1) * room / (2 * kGrid) + i * kShift) % room;
       const int aside = std::min(u + kAside, picture.width - 1);
       const std::uint8_t* a = row + u * channels;
       const std::uint8_t* b = row + aside * channels;
-      grey[n] = grey_of(a, channels);
-      grey_steps[n] = std::abs(grey[n] - grey_of(b, channels));
-      luminance_steps[n] =
+      const int level = grey_of(a, channels);
+      grey.add(level);
+      grey_steps.add(std::abs(level - grey_of(b, channels)));
+      const float step =
           std::abs(luminance_of(a, channels) - luminance_of(b, channels));
+      luminance_steps.add(static_cast<int>(step / kLuminanceStep + 0.5F));
     }
   }
+  constexpr int n = kGrid * kGrid;
   PictureNoise noise;
-  noise.dark = median(grey.begin(), grey.end());
-  noise.grey_sd = kSdPerMedian * median(grey_steps.begin(), grey_steps.end());
-  const double sd = kSdPerMedian * static_cast<double>(median(luminance_steps.begin(),
-                                                              luminance_steps.end()));
+  noise.dark = grey.of(n);
+  noise.grey_sd = kSdPerMedian * grey_steps.of(n);
+  const double sd =
+      kSdPerMedian * static_cast<double>(kLuminanceStep) * luminance_steps.of(n);
   noise.luminance_variance = sd * sd;
   return noise;
 }

@@ -17,7 +17,7 @@ struct PictureNoise {
 
 /// Looks at a grid of pixels and their neighbours a few columns on, which lights, lamps
 /// and edges hardly ever tell apart and noise always does (median of absolute
-/// differences, Hampel 1974). No allocation, two microseconds.
+/// differences, Hampel 1974). No allocation.
 /// @pre not empty
 PictureNoise picture_noise(const ImageView& picture);
 
