@@ -13,6 +13,9 @@ Result<void> LandingConfig::validate() const {
     return fail(Fault::invalid_config,
                 "event_age_max_s must be positive, heading_smoothing a share");
   }
+  if (!(external_velocity_sd_max_m_s > 0)) {
+    return fail(Fault::invalid_config, "external_velocity_sd_max_m_s must be positive");
+  }
   return {};
 }
 

@@ -118,7 +118,7 @@ bool Mission::would_meet(const MissionInput& in) const {
 
 void Mission::stop_over_ground(const MissionInput& in) {
   // Beside a platform that turns this lags behind, outwards of its way. Stopped at
-  // once, three times as many blind drones met it as it came round (docs/decisions.md).
+  // once, twice as many blind drones met it as it came round (docs/decisions.md).
   FlatState ref = maneuver_.at(in.now);
   const Vector3 left =
       -inertial_velocity_N(in.platform, ref.p_NB, Vector3::Zero()) - ref.v_NB;

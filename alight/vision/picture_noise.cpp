@@ -16,10 +16,9 @@ constexpr int kShift = 5;   // px by which the columns of a row lie off those ab
 constexpr double kSds = 5;  // from which on a pixel is more than noise
 // sd of a Gaussian over the median of how much two draws of it differ
 constexpr double kSdPerMedian = 1.4826 / 1.41421356;
-constexpr float kLuminanceStep =
-    0.25F;  // in which differences are counted, up to 64 levels
+constexpr float kLuminanceStep = 0.25F;  // grey levels, to count differences by
 
-/// Of whole numbers up to 255, which it counts: a fifth of the time that sorting takes.
+/// Of whole numbers, those above 255 taken for it. Counting takes less than sorting.
 class CountedMedian {
  public:
   void add(int value) { ++counts_[static_cast<std::size_t>(std::min(value, 255))]; }
