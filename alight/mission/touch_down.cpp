@@ -25,6 +25,10 @@ constexpr double kDropCalm = -0.02;
 constexpr double kDropPerPush = 0.008;  // and more by this per m/s^2 of lean,
 constexpr double kDropMost = 0.005;     // at most. Falls of 5 mm are harmless.
 constexpr double kDropSeen = 0.06;      // From no higher than this, by what is seen.
+// A gust that presses it down has it touch before its reference does. No higher than
+// this, m, and not sinking for so long, s, it is carried; at full thrust it would slide.
+constexpr double kCarried = 0.012;
+constexpr Seconds kCarriedFor = 0.08;
 
 constexpr Seconds kFlareIsSet = 0.4;  // before the end,
 constexpr double kWaits = 0.1;        // unless it waits: at a pace below this
@@ -138,8 +142,27 @@ double TouchDown::square_up(const MissionInput& in, double miss) {
   return std::min(share, square_up_most_);
 }
 
+Seconds TouchDown::not_sinking_for(const MissionInput& in) {
+  const double z = in.x_seen.p_NB.z();
+  if (!low_ || z < low_z_ - kStillSinking) {
+    low_ = true;
+    low_since_ = in.now;
+    low_z_ = z;
+  }
+  return to_seconds(in.now - low_since_);
+}
+
+bool TouchDown::carried(const MissionInput& in) {
+  if (!in_sight(in) || in.x_seen.p_NB.z() > gear_height_ + kCarried) {
+    low_ = false;
+    return false;
+  }
+  return not_sinking_for(in) >= kCarriedFor;
+}
+
 void TouchDown::feel(const MissionInput& in, const Maneuver& maneuver) {
-  if (settling_ || !may_touch(in, maneuver)) return;
+  if (settling_) return;
+  if (!carried(in) && !may_touch(in, maneuver)) return;
   settling_ = true;
   settle_since_ = in.now;
   p_touch_ = in.x_seen.p_NB;
@@ -156,17 +179,10 @@ bool TouchDown::stands(const MissionInput& in) {
   if (!settling_) return false;
   const Seconds settling = to_seconds(in.now - settle_since_);
   if (unseen(in) > config_.sight_lost_s) return settling >= config_.settle_down_s;
-  // Still sinking, if slowly: not yet.
-  const double z = in.x_seen.p_NB.z();
-  if (!low_ || z < low_z_ - kStillSinking) {
-    low_ = true;
-    low_since_ = in.now;
-    low_z_ = z;
-  }
+  const Seconds still = not_sinking_for(in);
   const bool upright = in.x.R_NB(2, 2) > std::cos(config_.upright_deg * kDegree);
   if (!upright && settling < config_.settle_down_s + kTiltedLonger) return false;
-  return to_seconds(in.now - low_since_) >= config_.touch_settled_s ||
-         settling >= config_.settle_down_s;
+  return still >= config_.touch_settled_s || settling >= config_.settle_down_s;
 }
 
 const char* TouchDown::moved(const MissionInput& in) {

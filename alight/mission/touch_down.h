@@ -50,6 +50,8 @@ class TouchDown {
  private:
   Seconds flare_lasts(double a) const;
   bool may_touch(const MissionInput& in, const Maneuver& maneuver) const;
+  bool carried(const MissionInput& in);
+  Seconds not_sinking_for(const MissionInput& in);
 
   MissionConfig config_;
   double gear_height_;

@@ -59,6 +59,26 @@ TEST_F(TouchDownTest, KeepsItsThrustUntilTheFeetAreNearThePad) {
   EXPECT_TRUE(touch_.settling());
 }
 
+// A gust had a drone stand on its feet 0.4 s before its reference; at nearly full thrust
+// it slid off the pad.
+TEST_F(TouchDownTest, WhatNoLongerSinksIsCarriedThoughItsReferenceIsStillHigh) {
+  const auto settles_after = [&](double above, double sink) {
+    TouchDown touch(config_, rig_);
+    touch.begin();
+    for (Seconds t = 1.2; t < 1.45; t += kStep) {
+      MissionInput in = at(t, above - sink * (t - 1.2));
+      in.x.v_NB.z() = -sink;
+      in.z_acted = in.x.p_NB.z() + 0.01;
+      touch.feel(in, maneuver_);
+      if (touch.settling()) return t - 1.2;
+    }
+    return 1.0;
+  };
+  EXPECT_NEAR(settles_after(0.006, 0), 0.08, 1.5 * kStep);
+  EXPECT_EQ(settles_after(0.02, 0), 1.0);
+  EXPECT_EQ(settles_after(0.011, 0.1), 1.0);
+}
+
 TEST_F(TouchDownTest, GoesOverToThePadsAttitudeLast) {
   EXPECT_EQ(touch_.square_up(at(2, 0.1), 0.01), 0);
   double last = 0;
