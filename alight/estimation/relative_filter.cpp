@@ -163,9 +163,9 @@ void RelativeFilter::reset(Time t, const RelativeState& x,
   measured_v_NB_ = x.v_NB;
 }
 
-void RelativeFilter::restart_disturbance(const Vector3& b_N) {
+void RelativeFilter::restart_disturbance(const Vector3& d_N, const Vector3& b_N) {
   const LedBias bias = led_bias_;
-  reset(time_, RelativeState(state_.x), tracking_covariance(), Vector3::Zero(), b_N);
+  reset(time_, RelativeState(state_.x), tracking_covariance(), d_N, b_N);
   led_bias_.topRows<9>() = bias.topRows<9>();
 }
 

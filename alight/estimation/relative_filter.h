@@ -34,8 +34,8 @@ class RelativeFilter {
              const LedFrame* taken_from = nullptr);
   bool initialized() const { return initialized_; }
 
-  /// The disturbances begin anew, the rest of the state stands.
-  void restart_disturbance(const Vector3& b_N);
+  /// The disturbances begin anew from these, the rest of the state stands.
+  void restart_disturbance(const Vector3& d_N, const Vector3& b_N);
 
   /// Forgets the state: initialized() is false until the next reset().
   void stop() { initialized_ = false; }

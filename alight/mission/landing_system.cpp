@@ -186,9 +186,11 @@ void LandingSystem::Parts::follow_autopilot(const AutopilotTelemetry& t, Time no
            t.mode == AutopilotMode::hold);
   if (alone != was && estimator.initialized()) {
     Vector3& b_N = b_N_obeyed;
-    if (alone) b_N = estimator.filter().motion_state().b_N;
+    const MotionState& state = estimator.filter().motion_state();
+    if (alone) b_N = state.b_N;
     // It holds its height, whatever thrust that takes; the wind is as before.
-    estimator.restart_disturbance(alone ? Vector3(b_N.x(), b_N.y(), 0) : b_N);
+    const Vector3 d_N(state.d_N.x(), state.d_N.y(), 0);
+    estimator.restart_disturbance(d_N, alone ? Vector3(b_N.x(), b_N.y(), 0) : b_N);
   }
   if (!alone) return;
   Setpoint as_it_flies;
@@ -464,6 +466,7 @@ void LandingSystem::step(const Input& input, Output& out, Probe* probe) {
     const Vector3 f_N = at_rest_N(at);
     if (f_N.head<2>().norm() > in.f_end_N.head<2>().norm()) in.f_end_N = f_N;
   }
+  in.push_N = state.disturbance_N(Vector3::Zero());
   in.deck_swing = p.deck.swing();
   in.plan = p.plan;
   MissionCommand command;
@@ -490,7 +493,7 @@ void LandingSystem::step(const Input& input, Output& out, Probe* probe) {
     const Vector3 b_N(
         0, 0,
         kLiftTrust * kGravity * (kGravity / std::max(thrust, 0.5 * kGravity) - 1));
-    p.estimator.restart_disturbance(b_N);
+    p.estimator.restart_disturbance(Vector3::Zero(), b_N);
     state.d_N.setZero();
     state.b_N = b_N;
     p.pid.reset();

@@ -45,6 +45,7 @@ Mission::Mission(const MissionConfig& config, const Rig& rig)
       gear_height_(rig.drone.gear_height_m),
       arm_(rig.drone.arm_m),
       pad_half_(0.5 * rig.pad.size_m),
+      above_floor_(rig.pad.above_floor_m),
       reach_(std::sqrt(0.5) * rig.pad.size_m + rig.drone.arm_m +
              rig.drone.propeller_radius_m),
       from_lens_(level_from_lens(rig)),

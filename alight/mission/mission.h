@@ -88,6 +88,8 @@ class Mission {
   bool pilot_flies(const MissionInput& in) const;
   bool watch_battery(const MissionInput& in, Output& out);
   void stop_over_ground(const MissionInput& in);
+  /// In N: with which a blind drone is left to its autopilot, m/s.
+  Vector3 left_with_over_ground(const MissionInput& in) const;
   /// What the platform is wished to do about a drone that its autopilot or its pilot
   /// flies.
   double platform_wish(const MissionInput& in);
@@ -127,7 +129,8 @@ class Mission {
   double gear_height_;
   double arm_;
   double pad_half_;
-  double reach_;  // level, of drone and pad together, m
+  double above_floor_;  // the pad, m
+  double reach_;        // level, of drone and pad together, m
   Vector3 from_lens_;
   double speed_max_;        // the drone's, m/s
   Seconds unseen_lifting_;  // at take-off: two pictures are missing

@@ -36,6 +36,14 @@ constexpr Seconds kStillKnown = 1;
 // is as short before that.
 constexpr Seconds kLearntIn = 0.4;
 constexpr Seconds kShortSearch = 0.9;
+// The wind is known after so long a flight in sight, s. A blind autopilot keeps level
+// and is blown off, 2 m and more until it is down: it is left moving against that,
+// m/s at most, to come down about where it was left. How soon and how fast, m/s, it
+// sinks.
+constexpr Seconds kWindLearntIn = 1.5;
+constexpr double kAgainstWindMost = 0.8;
+constexpr Seconds kBlindSinksAfter = 0.5;
+constexpr double kBlindSinks = 0.5;
 
 }  // namespace
 
@@ -116,15 +124,28 @@ bool Mission::would_meet(const MissionInput& in) const {
   return horizontal(where) < reach_ + kUnsure;
 }
 
+Vector3 Mission::left_with_over_ground(const MissionInput& in) const {
+  if (to_seconds(in.seen - lifted_at_) < kWindLearntIn) return Vector3::Zero();
+  const double height = std::max(0.0, in.x.p_NB.z() + above_floor_ - gear_height_);
+  const Seconds blown = kBlindSinksAfter + height / kBlindSinks;
+  Vector3 v_N = -0.5 * blown * in.push_N;
+  v_N.z() = 0;
+  return std::min(1.0, kAgainstWindMost / (v_N.norm() + 1e-6)) * v_N;
+}
+
 void Mission::stop_over_ground(const MissionInput& in) {
-  // Beside a platform that turns this lags behind, outwards of its way. Stopped at
-  // once, twice as many blind drones met it as it came round (docs/decisions.md).
   FlatState ref = maneuver_.at(in.now);
+  const Vector3 v_N = left_with_over_ground(in);
   const Vector3 left =
-      -inertial_velocity_N(in.platform, ref.p_NB, Vector3::Zero()) - ref.v_NB;
+      v_N - inertial_velocity_N(in.platform, ref.p_NB, Vector3::Zero()) - ref.v_NB;
   const double gain =
       std::min(1 / kStopIn, config_.stop_acceleration_m_s2 / (left.norm() + 1e-6));
   ref.a_NB = gain * left;
+  // Where the wind is not known this lags behind, outwards of a turning platform's way.
+  // Stopped at once, it is blown into that (docs/decisions.md).
+  if (!v_N.isZero(0)) {
+    ref.a_NB = relative_acceleration(in.platform, ref.p_NB, ref.v_NB, ref.a_NB);
+  }
   ref.j_NB.setZero();
   ref.yaw_rate = ref.yaw_acceleration = 0;
   maneuver_ = Maneuver::coast(ref, in.now);
@@ -150,9 +171,11 @@ void Mission::lost_target(const MissionInput& in, Output& out) {
     move_to(search_goal_, config_.search_speed_m_s, in);
   }
   // Pictures that come late still say where it was, if not whether it may land.
+  const bool dark = why == Blindness::pictures || why == Blindness::frozen;
   const Seconds search = unseen(in) < kStillKnown ? config_.give_up_late_s
-                         : learnt(in)             ? config_.give_up_s
-                                                  : kShortSearch;
+                         : !learnt(in)            ? kShortSearch
+                         : dark                   ? config_.give_up_dark_s
+                                                  : config_.give_up_s;
   if (in_state(in) > search || !in.estimate_valid) {
     go(MissionState::aborted, words_for(why).given_up, in, out);
     for_want_of_sight_ = true;
@@ -200,7 +223,8 @@ bool Mission::may_be_left(const MissionInput& in) {
   // The autopilot does not know its speed without us, and would drift with it.
   stop_over_ground(in);
   const FlatState ref = maneuver_.at(in.now);
-  return inertial_velocity_N(in.platform, ref.p_NB, ref.v_NB).norm() < kStopped;
+  const Vector3 v_N = inertial_velocity_N(in.platform, ref.p_NB, ref.v_NB);
+  return (v_N - left_with_over_ground(in)).norm() < kStopped;
 }
 
 void Mission::aborted(const MissionInput& in, Command& c, Output& out) {

@@ -44,6 +44,7 @@ Result<void> MissionConfig::validate() const {
           {"mission.ramp_to", ramp_to, 1, 2.5},
           {"mission.search_climb_m", search_climb_m, 0, 10},
           {"mission.give_up_s", give_up_s, 0.1, 30},
+          {"mission.give_up_dark_s", give_up_dark_s, 0.1, 30},
           {"mission.give_up_late_s", give_up_late_s, 0.1, 60},
           {"mission.stop_acceleration_m_s2", stop_acceleration_m_s2, 0.1, 10},
           {"mission.leave_max_s", leave_max_s, 0, 60},

@@ -62,6 +62,7 @@ struct MissionConfig {
   double search_speed_m_s = 1.8;        ///< To where a lost target is searched for.
   double search_climb_m = 0.4;          ///< That far above it at most, in view.
   double give_up_s = 2.0;               ///< The search ends after this,
+  double give_up_dark_s = 1.1;          ///< or, while no new pictures come,
   double give_up_late_s = 6.0;          ///< or, of pictures that come late, after this.
   double stop_acceleration_m_s2 = 1.5;  ///< With which it stops over the ground.
   double leave_max_s = 4;         ///< To clear the platform before the autopilot lands.

@@ -41,6 +41,9 @@ struct MissionInput {
   Vector3 f_touch_N = Vector3(0, 0, kGravity);
   /// The same for `Mission::touches_in` from now, or when it leans most about then.
   Vector3 f_end_N = f_touch_N;
+  /// What accelerates a drone that is level and at rest over the ground, in N, m/s^2:
+  /// wind above all.
+  Vector3 push_N = Vector3::Zero();
   double deck_swing = 0;  ///< sd with which the deck's tilt changes it, m/s^2.
 
   const PlanArrival* plan = nullptr;  ///< Arrived since the last step.

@@ -642,10 +642,10 @@ MotionState RelativeEstimator::carried_on(MotionState from, Time t_from, Time t,
   return from;
 }
 
-void RelativeEstimator::restart_disturbance(const Vector3& b_N) {
+void RelativeEstimator::restart_disturbance(const Vector3& d_N, const Vector3& b_N) {
   if (!filter_.initialized()) return;
   forget_past();
-  filter_.restart_disturbance(b_N);
+  filter_.restart_disturbance(d_N, b_N);
 }
 
 }  // namespace alight

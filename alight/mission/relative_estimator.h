@@ -126,9 +126,9 @@ class RelativeEstimator {
   MotionState carried_on(MotionState from, Time t_from, Time t,
                          const MotionSource& motion) const;
 
-  /// The specific force that the model could not know at lift-off, as a disturbance
-  /// that turns with N; what was learnt before is forgotten.
-  void restart_disturbance(const Vector3& b_N);
+  /// What accelerates the drone, the model does not know it from here on, and what was
+  /// learnt before is forgotten: by the wind, d_N, and with N, b_N (MotionState).
+  void restart_disturbance(const Vector3& d_N, const Vector3& b_N);
   void forget() {
     filter_.stop();
     forget_past();

@@ -26,7 +26,8 @@ constexpr double kDropPerPush = 0.008;  // and more by this per m/s^2 of lean,
 constexpr double kDropMost = 0.005;     // at most. Falls of 5 mm are harmless.
 constexpr double kDropSeen = 0.06;      // From no higher than this, by what is seen.
 // A gust that presses it down has it touch before its reference does. No higher than
-// this, m, and not sinking for so long, s, it is carried; at full thrust it would slide.
+// this, m, and not sinking for so long, s, it is carried; at full thrust it would
+// slide.
 constexpr double kCarried = 0.012;
 constexpr Seconds kCarriedFor = 0.08;
 

@@ -59,8 +59,8 @@ TEST_F(TouchDownTest, KeepsItsThrustUntilTheFeetAreNearThePad) {
   EXPECT_TRUE(touch_.settling());
 }
 
-// A gust had a drone stand on its feet 0.4 s before its reference; at nearly full thrust
-// it slid off the pad.
+// A gust had a drone stand on its feet 0.4 s before its reference; at nearly full
+// thrust it slid off the pad.
 TEST_F(TouchDownTest, WhatNoLongerSinksIsCarriedThoughItsReferenceIsStillHigh) {
   const auto settles_after = [&](double above, double sink) {
     TouchDown touch(config_, rig_);
