@@ -43,6 +43,7 @@ class Flight {
   bool picture_repeats = false;
   double miss_sd_m = 0.02;
   double deck_swing = 0, deck_lean = 0;  ///< m/s^2; rad, at the touch
+  Vector3 push_N = Vector3::Zero();      ///< m/s^2, of the wind
   AutopilotMode mode = AutopilotMode::offboard;
   Vector3 off = Vector3::Zero();           ///< From the reference, where it flies.
   Vector3 slid = Vector3::Zero();          ///< On the ground, when the motors run.
@@ -100,6 +101,7 @@ class Flight {
     in.picture_repeats = picture_repeats;
     in.miss_sd_m = miss_sd_m;
     in.platform.v_IN_N = Vector3(platform_speed, 0, 0);
+    in.push_N = push_N;
     in.deck_swing = deck_swing;
     in.f_end_N = kGravity * Vector3(0, std::tan(deck_lean), 1);
     PlanArrival arrival;
@@ -1664,6 +1666,57 @@ TEST(Mission, AnUnseenDroneIsStoppedOverTheGroundBeforeTheAutopilotLands) {
   const Vector3 platform(0.9, 0, 0);  // Flight's
   EXPECT_LT((v + platform).norm(), 0.2);
   EXPECT_LT(to_seconds(f.now() - f.transitions.back().t), 1.5);
+}
+
+/// With which speed over the ground, in N, a blind drone is left to its autopilot.
+Vector3 left_blind_with(Flight& f) {
+  f.sight = false;
+  EXPECT_TRUE(f.until(State::aborted, 8));
+  Vector3 v_N = Vector3::Zero();
+  while (f.orders_land == 0 && f.state() == State::aborted) {
+    v_N = f.x().v_NB + Vector3(f.platform_speed, 0, 0);
+    f.step();
+  }
+  EXPECT_LT(to_seconds(f.now() - f.transitions.back().t), 2);
+  return v_N;
+}
+
+// Its autopilot keeps it level and the wind blows it away until it is down.
+TEST(Mission, ABlindDroneIsLeftMovingAgainstTheWindThatIsKnown) {
+  for (const Vector3& push : {Vector3(0, 0.3, 0), Vector3(-0.2, -0.15, 0.4)}) {
+    Flight f;
+    ASSERT_TRUE(bring(f, State::rendezvous));
+    f.push_N = push;
+    const Vector3 v_N = left_blind_with(f);
+    const Vector3 level(push.x(), push.y(), 0);
+    EXPECT_LT((v_N + 1.5 * level).norm(), 0.25) << v_N.transpose();
+    EXPECT_LT(v_N.dot(level), -0.1);
+  }
+  // No faster than it can be sure of.
+  Flight stormy;
+  ASSERT_TRUE(bring(stormy, State::rendezvous));
+  stormy.push_N = Vector3(0, 3, 0);
+  EXPECT_NEAR(left_blind_with(stormy).norm(), 0.8, 0.2);
+  // What it met in its first second of flight may have been a gust.
+  Flight early;
+  ASSERT_TRUE(early.reach(State::taken_off));
+  while (!early.mission().flying()) early.step();
+  early.run(0.8);
+  early.push_N = Vector3(0, 0.5, 0);
+  EXPECT_LT(left_blind_with(early).norm(), 0.2);
+}
+
+TEST(Mission, WhereNoPicturesComeTheSearchIsShorter) {
+  for (const Blindness why : {Blindness::pictures, Blindness::frozen}) {
+    Flight f;
+    ASSERT_TRUE(bring(f, State::follow));
+    f.blindness = why;
+    f.sight = false;
+    ASSERT_TRUE(f.until(State::lost_target, 1));
+    const Time since = f.now();
+    ASSERT_TRUE(f.until(State::aborted, 8));
+    EXPECT_NEAR(to_seconds(f.now() - since), MissionConfig{}.give_up_dark_s, 0.05);
+  }
 }
 
 TEST(Mission, AFailsafeBeforeThrustCarriesItIsNoFlight) {

@@ -188,6 +188,37 @@ TEST(LandingFaults, TheAutopilotIsToldNoSpeedThatIsNotKnown) {
   }
 }
 
+// What was learnt of the wind holds for a drone that its autopilot flies, too.
+TEST(LandingFaults, TheWindIsKeptInMindWhenTheAutopilotTakesOver) {
+  struct Pushes : RunObserver {
+    bool alone = false;
+    Vector3 before = Vector3::Zero();
+    double before_level = 0, change = 0;
+    void on_step(const Output& out, const TruthState&, double) override {
+      const bool now_alone = out.mission.state == MissionState::lost_link;
+      const Vector3& d_N = out.trace.disturbance_N;
+      if (now_alone && !alone) before_level = before.head<2>().norm();
+      if (now_alone && out.trace.estimate_valid) {
+        change = std::max(change, (d_N - before).head<2>().norm());
+      }
+      alone = now_alone;
+      before = d_N;
+    }
+  };
+  for (unsigned seed = 1; seed <= 6; ++seed) {
+    SCOPED_TRACE(seed);
+    LandingRunOptions options = test::options_of("circle", seed);
+    options.timeout_s = 8;
+    options.scenario.faults = {
+        {.kind = FaultKind::uplink_out, .at_s = 6, .for_s = 1000},
+        {.kind = FaultKind::camera_out, .at_s = 6.2, .for_s = 1000}};
+    Pushes pushes;
+    ASSERT_TRUE(run_landing(options, &pushes));
+    EXPECT_GT(pushes.before_level, 0.25);
+    EXPECT_LT(pushes.change, 0.1);
+  }
+}
+
 TEST(LandingFaults, TheOperatorsAbortEndsOffThePad) {
   const Story s = story({.kind = FaultKind::operator_abort, .at_s = 5}, 5);
   EXPECT_EQ(s.result.outcome, Outcome::aborted);
