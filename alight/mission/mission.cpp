@@ -233,9 +233,13 @@ bool Mission::overruled(const MissionInput& in, Output& out) {
   // A burst of losses puts the autopilot into its failsafe until set-points come again.
   if (in.mode != AutopilotMode::failsafe) {
     failsafe_ = false;
-  } else if (!failsafe_) {
+  } else {
+    if (!failsafe_) {
+      failsafe_since_ = in.now;
+      note("set-points do not arrive: the autopilot acts alone", in, out);
+    }
     failsafe_ = true;
-    failsafe_since_ = in.now;
+    failsafe_till_ = in.now;
   }
   // Back on the pad after that, a drone that never left it is asked to be elsewhere.
   const Seconds failsafe_s = leaves_ground(in) ? 0 : config_.failsafe_s;

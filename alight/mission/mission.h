@@ -152,7 +152,7 @@ class Mission {
 
   bool obeyed_ = false;    // the autopilot has followed set-points since it was armed
   bool failsafe_ = false;  // the autopilot's, for want of set-points
-  Time failsafe_since_ = 0;
+  Time failsafe_since_ = 0, failsafe_till_ = 0;
   Blindness blindness_ = Blindness::leds;  // as told last
   Time told_ = 0;                          // when the last note was made
   Vector3 search_goal_ = Vector3::Zero();  // of a lost target

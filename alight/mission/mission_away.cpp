@@ -29,6 +29,8 @@ constexpr double kDrives = 0.2, kStoppedShare = 0.3;
 constexpr Seconds kBrakesBeside = 1;
 constexpr double kRoomBeside = 0.1;  // m, from the pad's corner to a rotor
 constexpr double kUnsure = 0.05;     // m, of where it comes down
+// So long after its autopilot has acted alone, s, a drone is lost because of that.
+constexpr Seconds kAloneBefore = 1;
 // Unseen for so long, s, the drone may be elsewhere than predicted.
 constexpr Seconds kStillKnown = 1;
 // What a tenth of thrust that is not known does to a prediction: 0.5 m in the second
@@ -177,7 +179,13 @@ void Mission::lost_target(const MissionInput& in, Output& out) {
                          : dark                   ? config_.give_up_dark_s
                                                   : config_.give_up_s;
   if (in_state(in) > search || !in.estimate_valid) {
-    go(MissionState::aborted, words_for(why).given_up, in, out);
+    // What its autopilot did alone has taken it out of the picture.
+    const bool went_alone = why == Blindness::leds && failsafe_till_ > 0 &&
+                            to_seconds(in.seen - failsafe_till_) < kAloneBefore;
+    go(MissionState::aborted,
+       went_alone ? "set-points did not arrive, the LEDs are lost: the autopilot lands"
+                  : words_for(why).given_up,
+       in, out);
     for_want_of_sight_ = true;
   }
 }

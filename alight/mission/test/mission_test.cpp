@@ -1554,6 +1554,28 @@ TEST(Mission, LedsLostWhileTheComputerStoodStillStayItsFault) {
             "the computer stood still, the LEDs are lost: the autopilot lands");
 }
 
+TEST(Mission, LedsLostAfterTheAutopilotActedAloneAreLostForWantOfSetPoints) {
+  for (const Seconds until_lost : {0.4, 3.0}) {
+    Flight f;
+    ASSERT_TRUE(bring(f, State::follow));
+    f.mode = AutopilotMode::failsafe;
+    f.run(0.3);
+    EXPECT_EQ(f.state(), State::follow);
+    EXPECT_EQ(f.reason(), "set-points do not arrive: the autopilot acts alone");
+    const std::size_t told = f.transitions.size();
+    f.run(0.2);
+    EXPECT_EQ(f.transitions.size(), told) << "once";
+    f.mode = AutopilotMode::offboard;
+    f.run(until_lost);
+    f.sight = false;
+    ASSERT_TRUE(f.until(State::aborted, 6));
+    EXPECT_EQ(f.reason(),
+              until_lost < 1
+                  ? "set-points did not arrive, the LEDs are lost: the autopilot lands"
+                  : "the LEDs stay out of sight: the autopilot lands");
+  }
+}
+
 TEST(Mission, FromTheFloorTheClimbIsBlindAndEndsInSight) {
   MissionConfig config;
   config.start_on_floor = true;
