@@ -47,6 +47,11 @@ constexpr double kAgainstWindMost = 0.8;
 constexpr Seconds kBlindSinksAfter = 0.5;
 constexpr double kBlindSinks = 0.5;
 
+/// Not even pictures come in which it might be seen again.
+bool dark(Blindness why) {
+  return why == Blindness::pictures || why == Blindness::frozen;
+}
+
 }  // namespace
 
 double Mission::platform_wish(const MissionInput& in) {
@@ -127,7 +132,8 @@ bool Mission::would_meet(const MissionInput& in) const {
 }
 
 Vector3 Mission::left_with_over_ground(const MissionInput& in) const {
-  if (to_seconds(in.seen - lifted_at_) < kWindLearntIn) return Vector3::Zero();
+  const bool wind_known = to_seconds(in.seen - lifted_at_) >= kWindLearntIn;
+  if (!wind_known || !dark(in.blindness)) return Vector3::Zero();
   const double height = std::max(0.0, in.x.p_NB.z() + above_floor_ - gear_height_);
   const Seconds blown = kBlindSinksAfter + height / kBlindSinks;
   Vector3 v_N = -0.5 * blown * in.push_N;
@@ -143,8 +149,9 @@ void Mission::stop_over_ground(const MissionInput& in) {
   const double gain =
       std::min(1 / kStopIn, config_.stop_acceleration_m_s2 / (left.norm() + 1e-6));
   ref.a_NB = gain * left;
-  // Where the wind is not known this lags behind, outwards of a turning platform's way.
-  // Stopped at once, it is blown into that (docs/decisions.md).
+  // Else this lags behind, outwards of a turning platform's way: stopped at once in a
+  // wind that is not known it is blown into that, and where pictures come the LEDs have
+  // longer to be seen again (docs/decisions.md).
   if (!v_N.isZero(0)) {
     ref.a_NB = relative_acceleration(in.platform, ref.p_NB, ref.v_NB, ref.a_NB);
   }
@@ -173,10 +180,9 @@ void Mission::lost_target(const MissionInput& in, Output& out) {
     move_to(search_goal_, config_.search_speed_m_s, in);
   }
   // Pictures that come late still say where it was, if not whether it may land.
-  const bool dark = why == Blindness::pictures || why == Blindness::frozen;
   const Seconds search = unseen(in) < kStillKnown ? config_.give_up_late_s
                          : !learnt(in)            ? kShortSearch
-                         : dark                   ? config_.give_up_dark_s
+                         : dark(why)              ? config_.give_up_dark_s
                                                   : config_.give_up_s;
   if (in_state(in) > search || !in.estimate_valid) {
     // What its autopilot did alone has taken it out of the picture.

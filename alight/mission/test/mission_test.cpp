@@ -1691,7 +1691,8 @@ TEST(Mission, AnUnseenDroneIsStoppedOverTheGroundBeforeTheAutopilotLands) {
 }
 
 /// With which speed over the ground, in N, a blind drone is left to its autopilot.
-Vector3 left_blind_with(Flight& f) {
+Vector3 left_blind_with(Flight& f, Blindness why = Blindness::pictures) {
+  f.blindness = why;
   f.sight = false;
   EXPECT_TRUE(f.until(State::aborted, 8));
   Vector3 v_N = Vector3::Zero();
@@ -1726,6 +1727,11 @@ TEST(Mission, ABlindDroneIsLeftMovingAgainstTheWindThatIsKnown) {
   early.run(0.8);
   early.push_N = Vector3(0, 0.5, 0);
   EXPECT_LT(left_blind_with(early).norm(), 0.2);
+  // As long as pictures come it may be seen again.
+  Flight hidden;
+  ASSERT_TRUE(bring(hidden, State::rendezvous));
+  hidden.push_N = Vector3(0, 0.5, 0);
+  EXPECT_LT(left_blind_with(hidden, Blindness::leds).norm(), 0.2);
 }
 
 TEST(Mission, WhereNoPicturesComeTheSearchIsShorter) {
