@@ -40,6 +40,8 @@ const char* to_string(Refusal refusal) {
       return "off_constellation";
     case Refusal::gated:
       return "gated";
+    case Refusal::stray:
+      return "stray";
   }
   return "no_led_near";
 }

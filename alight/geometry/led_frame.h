@@ -46,7 +46,8 @@ enum class Refusal : std::uint8_t {
   other_is_nearer,    ///< Its LED took a better blob.
   cut_by_edge,        ///< Part of it lies outside the picture.
   off_constellation,  ///< Does not fit the pose that the others agree on.
-  gated               ///< The filter found it improbable.
+  gated,              ///< The filter found it improbable.
+  stray               ///< Known from earlier pictures as no LED.
 };
 const char* to_string(Refusal refusal);
 

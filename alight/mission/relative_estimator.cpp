@@ -196,6 +196,7 @@ bool RelativeEstimator::fuse(const CameraFrame& frame, const MotionSource& motio
     // Just found, a prediction without speed says little of where LEDs are next.
     fresh_ = fresh_ && filter_.velocity_sd() > config_.known_sd_m_s;
     const bool lost = missed(frame.captured);
+    sure_ = sure_ && !lost;
     if (lost && taken_up_ == 0 && config_.tell_apart) before_taken_up_ = filter_;
     const bool followed = follow(frame, out, probe);
     if (followed && lost && to_be_confirmed()) {
@@ -267,6 +268,11 @@ bool RelativeEstimator::to_be_confirmed() const {
   return filter_.last_report().used < config_.search_leds + (vague ? 1 : 0);
 }
 
+bool RelativeEstimator::no_doubt(const FrameReport& out) const {
+  return out.tracked && seen_alone_ >= kTellingLeds &&
+         out.reprojection_px <= config_.placed_sds * config_.placed_sd_px;
+}
+
 bool RelativeEstimator::seen_soundly() const {
   const UpdateReport& report = filter_.last_report();
   double nis = 0;
@@ -297,9 +303,8 @@ void RelativeEstimator::forget_past() {
 
 bool RelativeEstimator::follow(const CameraFrame& frame, FrameReport& out,
                                Probe* probe) {
-  const Pose X_NB = filter_.state().X_NB();
-  const Matrix6 cov = filter_.tracking_covariance().topLeftCorner<6, 6>();
-  const Roi roi = tracker_.roi(X_NB, cov);
+  const Roi roi = tracker_.roi(filter_.state().X_NB(),
+                               filter_.tracking_covariance().topLeftCorner<6, 6>());
   if (roi.empty()) {
     out.why_not = "expected outside the picture";
     return false;
@@ -315,6 +320,19 @@ bool RelativeEstimator::follow(const CameraFrame& frame, FrameReport& out,
   }
   out.blobs = static_cast<int>(blobs->size());
   if (expecting_ && ignores_twins_) *blobs = without_twins(*blobs);
+  if (!config_.tell_apart) return follow_among(*blobs, frame, out, probe);
+  const BlobSpan marked = strays_.mark(*blobs, frame.captured);
+  if (!follow_among(marked, frame, out, probe)) return false;
+  sure_ = sure_ || no_doubt(out);
+  strays_.remember(marked, led_images(camera_, leds_, filter_.state().X_NB()),
+                   no_doubt(out), frame.captured);
+  return true;
+}
+
+bool RelativeEstimator::follow_among(BlobSpan blobs, const CameraFrame& frame,
+                                     FrameReport& out, Probe* probe) {
+  const Pose X_NB = filter_.state().X_NB();
+  const Matrix6 cov = filter_.tracking_covariance().topLeftCorner<6, 6>();
   FixedVector<Vector2, kMaxLeds> blur;
   if (config_.tell_apart) blur = image_motion(X_NB);
   // Out of sight for a while, the prediction is vague enough for any lamp or two to
@@ -334,7 +352,7 @@ bool RelativeEstimator::follow(const CameraFrame& frame, FrameReport& out,
     std::optional<LedFrame> leds;
     {
       const ProbeScope scope(probe, Stage::associate);
-      leds = resolver_.follow(frame.color, *blobs, X_NB, config_.direct_gate_px,
+      leds = resolver_.follow(frame.color, blobs, X_NB, config_.direct_gate_px,
                               {blur.data(), blur.size()}, frame.captured);
     }
     if (leds &&
@@ -345,7 +363,7 @@ bool RelativeEstimator::follow(const CameraFrame& frame, FrameReport& out,
   std::optional<LedFrame> held;
   if (config_.tell_apart) {
     const ProbeScope scope(probe, Stage::associate);
-    held = resolver_.hold(frame.color, *blobs, X_NB, cov,
+    held = resolver_.hold(frame.color, blobs, X_NB, cov,
                           3 * usual_rms_px(X_NB.translation()),
                           {blur.data(), blur.size()}, frame.captured);
     if (held->seen.size() < needed) held.reset();
@@ -371,10 +389,10 @@ bool RelativeEstimator::follow(const CameraFrame& frame, FrameReport& out,
   {
     const ProbeScope scope(probe, Stage::associate);
     TrackDetail detail;
-    leds = tracker_.track(*blobs, X_NB, cov, frame.captured, &detail);
+    leds = tracker_.track(blobs, X_NB, cov, frame.captured, &detail);
     by_blobs = leds.led_count();
     if (config_.tell_apart && !leds.seen.empty()) {
-      resolver_.resolve(frame.color, *blobs, detail, {blur.data(), blur.size()}, leds);
+      resolver_.resolve(frame.color, blobs, detail, {blur.data(), blur.size()}, leds);
     }
   }
   if (held && held->seen.size() >= leds.seen.size()) {

@@ -13,6 +13,7 @@
 #include "alight/vision/led_tracker.h"
 #include "alight/vision/pad_mirror.h"
 #include "alight/vision/picture_repeat.h"
+#include "alight/vision/stray_memory.h"
 
 namespace alight {
 
@@ -165,6 +166,8 @@ class RelativeEstimator {
   bool to_be_confirmed() const;
   /// The last picture shows enough LEDs, as they were expected and nothing before them.
   bool seen_soundly() const;
+  /// The LEDs just seen fit no other pose.
+  bool no_doubt(const FrameReport& out) const;
   /// The filter as it was once, carried to `t`; what was learnt of the rig stays.
   void go_back_to(const RelativeFilter& then, Time t, const MotionSource& motion);
   void forget_past();
@@ -201,6 +204,8 @@ class RelativeEstimator {
   bool believable_on_floor(const FoundLeds& found);
   bool confirmed(const Pose& X_NB);
   bool follow(const CameraFrame& frame, FrameReport& out, Probe* probe);
+  bool follow_among(BlobSpan blobs, const CameraFrame& frame, FrameReport& out,
+                    Probe* probe);
   /// Updates the filter and tells of it. Nothing happens unless `agreeing` observations
   /// agree with the prediction and the fit is as exact as `rms_max_px`.
   bool accept(const LedFrame& leds, std::size_t agreeing, double rms_max_px,
@@ -277,6 +282,8 @@ class RelativeEstimator {
   Pose X_NB_expected_ = Pose::Identity();
   Matrix6 cov_expected_ = Matrix6::Identity();
   PadMirror mirror_;
+  StrayMemory strays_;
+  bool sure_ = false;           // since it was found LEDs enough left no doubt
   bool ignores_twins_ = false;  // while it expects
   FixedVector<Blob, kMaxBlobs> no_twins_;
   // Images at rest, summed up by LED.

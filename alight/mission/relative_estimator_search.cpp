@@ -247,6 +247,8 @@ void RelativeEstimator::go_on_from(const FoundLeds& found, Time t, FrameReport& 
   misses_ = 0;
   confirmations_ = 0;
   doubts_ = 0;
+  sure_ = false;
+  strays_.forget();
   out.leds.clear();
   for (const LedObservation& seen : found.frame.seen) out.leds.push_back({seen, 0});
   out.refused = found.frame.refused;
@@ -276,8 +278,10 @@ bool RelativeEstimator::contradicted(const CameraFrame& frame, FrameReport& out,
   }
   const auto contrary = [&] {
     const Pose X_NB = filter_.state().X_NB();
+    // Among many lamps four lie by chance as four LEDs may.
+    const std::size_t least = sure_ ? kTellingLeds : PoseDoubt::kFew;
     return found->frame.seen.size() > seen_.size() &&
-           found->frame.seen.size() >= PoseDoubt::kFew &&
+           found->frame.seen.size() >= least &&
            !near(X_NB, found->fit.X_NB, config_.expected_within_m,
                  config_.expected_within_deg * kDegree) &&
            found->fit.rms_px <= exact_px(found->fit.X_NB.translation());
@@ -297,7 +301,7 @@ bool RelativeEstimator::contradicted(const CameraFrame& frame, FrameReport& out,
 void RelativeEstimator::doubt(FrameReport& out) {
   if (!config_.tell_apart || expecting_ || !out.tracked) return;
   const bool exact = out.reprojection_px <= config_.placed_sds * config_.placed_sd_px;
-  if (exact && seen_alone_ >= kTellingLeds) {
+  if (no_doubt(out)) {
     doubt_.be_sure({seen_.data(), seen_.size()});
   } else {
     // Where none fits, a colour may be that of a neighbour.

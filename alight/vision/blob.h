@@ -20,8 +20,9 @@ struct Blob {
   LedColor color = LedColor::none;    ///< none: grey picture or hue not to be told.
   Roi box;                            ///< Smallest box around the patch.
   bool saturated = false;
-  bool cut = false;  ///< Hangs over the edge of what was looked at: its centroid is
-                     ///< not the light's.
+  bool cut = false;    ///< Hangs over the edge of what was looked at: its centroid is
+                       ///< not the light's.
+  bool stray = false;  ///< Known from earlier pictures as no LED (StrayMemory).
 };
 
 /// Stretch of a patch of light or of a group of points with second moments S, px^2:

@@ -566,6 +566,7 @@ std::optional<LedFrame> LedResolver::follow(const ImageView& image, BlobSpan blo
     const int j = nearest(images.uv[n], alone);
     if (j < 0) continue;
     const Blob& blob = blobs[static_cast<std::size_t>(j)];
+    if (blob.stray) return std::nullopt;
     if (config_.use_color && !colors_agree(blob.color, leds_.color(i), true)) {
       return std::nullopt;
     }
@@ -616,10 +617,12 @@ std::optional<LedFrame> LedResolver::follow(const ImageView& image, BlobSpan blo
     }
     // It may be the LED that is missing.
     const double d = (blobs[j].uv - images.middle).norm();
-    if (out.seen.size() < static_cast<std::size_t>(leds_.size()) && d < around) {
+    if (out.seen.size() < static_cast<std::size_t>(leds_.size()) && d < around &&
+        !blobs[j].stray) {
       return std::nullopt;
     }
-    out.refused.push_back({blobs[j].uv, Refusal::no_led_near});
+    out.refused.push_back(
+        {blobs[j].uv, blobs[j].stray ? Refusal::stray : Refusal::no_led_near});
   }
   lit_ = lit;
   learn_from(look, patches);
@@ -633,7 +636,7 @@ bool LedResolver::is_its_own(const Blob& blob, int led, const Vector2& blur_px) 
     return false;
   }
   const double widest = 2 * spot_reach_px(spread_, blur_px) + 2;
-  return !blob.cut && blob.area_px <= config_.area_max_px &&
+  return !blob.cut && !blob.stray && blob.area_px <= config_.area_max_px &&
          blob.box.u1 - blob.box.u0 <= widest && blob.box.v1 - blob.box.v0 <= widest;
 }
 
@@ -672,7 +675,7 @@ LedFrame LedResolver::hold(const ImageView& image, BlobSpan blobs,
       if (is_its_own(blobs[j], static_cast<int>(i), blur_px[i])) {
         reach = d;
         match.blob[i] = static_cast<int>(j);
-      } else if (blobs[j].area_px > config_.area_max_px &&
+      } else if (blobs[j].area_px > config_.area_max_px && !blobs[j].stray &&
                  (heights_[i] == 0 || heights_[i] > kFull)) {
         return out;  // near the lens LEDs are as large as lamps
       }
@@ -727,7 +730,8 @@ LedFrame LedResolver::hold(const ImageView& image, BlobSpan blobs,
   for (std::size_t j = 0; j < blobs.size(); ++j) {
     if (std::find(match.blob.begin(), match.blob.end(), static_cast<int>(j)) ==
         match.blob.end()) {
-      out.refused.push_back({blobs[j].uv, Refusal::no_led_near});
+      out.refused.push_back(
+          {blobs[j].uv, blobs[j].stray ? Refusal::stray : Refusal::no_led_near});
     }
   }
   // What a lamp covers shines on.

@@ -49,7 +49,8 @@ Near strongest_near(BlobSpan blobs, const Vector2& middle, double reach_px) {
     return blobs[static_cast<std::size_t>(j)].brightness;
   };
   for (std::size_t j = 0; j < blobs.size(); ++j) {
-    if (blobs[j].cut || (blobs[j].uv - middle).norm() > reach_px) continue;
+    if (blobs[j].cut || blobs[j].stray || (blobs[j].uv - middle).norm() > reach_px)
+      continue;
     if (near.push_back(static_cast<int>(j))) continue;
     const auto faintest =
         std::min_element(near.begin(), near.end(),
@@ -162,6 +163,7 @@ LedFrame LedTracker::track(BlobSpan blobs, const Pose& X_NB_predicted,
       }
       if (blobs[j].area_px > area_max) refused.reason = Refusal::too_large;
       if (blobs[j].cut) refused.reason = Refusal::cut_by_edge;
+      if (blobs[j].stray) refused.reason = Refusal::stray;
       if (shows(dropped)) refused.reason = Refusal::off_constellation;
       frame.refused.push_back(refused);
     }

@@ -286,6 +286,36 @@ TEST(RelativeEstimator, GoesOverToThePoseThatExplainsMoreLeds) {
   EXPECT_LT(over, 20);
 }
 
+// LEDs that left no doubt are hidden one by one; elsewhere four lamps of a ceiling lie
+// as four LEDs of another pose may.
+TEST(RelativeEstimator, FourLampsElsewhereAreNoReasonToLeaveLedsThatWereSure) {
+  for (unsigned seed = 1; seed <= 10; ++seed) {
+    SCOPED_TRACE(seed);
+    Rng rng(seed);
+    Watch w;
+    w.follow(30);
+    const Pose aside = make_pose(Matrix3::Identity(), Vector3(0.1, 0.3, 0.05));
+    std::vector<Vector2> lamps;
+    for (int i = 0; i < 4; ++i) {
+      const auto uv =
+          project_led(w.truth.camera, aside * Watch::sway(w.now), w.truth.leds.p_BL(i));
+      ASSERT_TRUE(uv);
+      lamps.push_back(*uv + 0.1 * Vector2(rng.normal(), rng.normal()));
+    }
+    int told = 0;
+    for (int k = 1; k <= 120; ++k) {
+      w.now += kFrame;
+      w.draw(Watch::sway(w.now), 0x2c);
+      for (const Vector2& lamp : lamps) w.picture.add(lamp, LedColor::white);
+      ASSERT_TRUE(w.fuse(w.now));
+      if (!w.report.tracked) continue;
+      ++told;
+      EXPECT_LT(w.position_error(), 0.05) << k;
+    }
+    EXPECT_GT(told, 100) << "three LEDs that are seen well tell the pose";
+  }
+}
+
 // Bit for bit the same picture again and again is a camera that has stopped.
 TEST(RelativeEstimator, ACameraThatRepeatsItsPictureSeesNothing) {
   RelativeEstimatorConfig config = Watch::config_for_tests();

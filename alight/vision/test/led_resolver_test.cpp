@@ -190,6 +190,49 @@ TEST(LedResolver, ALampInFrontOfAnLedIsNotFollowedInItsPlace) {
   EXPECT_LE(wrong, 1);
 }
 
+// A lamp alone in an LED's place, as bright and as large: only its past tells.
+TEST(LedResolver, AKnownStrayInAnLedsPlaceIsLeftOut) {
+  Rng rng(14);
+  Matrix6 cov = Matrix6::Zero();
+  cov.diagonal() << Vector3::Constant(4e-6), Vector3::Constant(2.5e-5);
+  int as_led = 0, held = 0;
+  for (int run = 0; run < 40; ++run) {
+    const unsigned gone = static_cast<unsigned>(run) % 6;
+    Scene scene(rng, 1, 2, 1u << gone);
+    const Vector2 lamp = *project_led(scene.rig.camera, scene.X_NB,
+                                      scene.rig.leds.p_BL(static_cast<int>(gone)));
+    scene.picture.add(lamp + Vector2(0.4, 0.3), LedColor::white, 600, 0.9);
+    scene.picture.expose(rng);
+    const std::span<const Vector2> still(scene.still.data(), scene.still.size());
+    const BlobSpan blobs = scene.blobs();
+    std::vector<Blob> marked(blobs.begin(), blobs.end());
+    for (Blob& blob : marked) blob.stray = (blob.uv - lamp).norm() < 1;
+    for (const bool known : {false, true}) {
+      const BlobSpan seen =
+          known ? BlobSpan(marked.data(), marked.size()) : scene.blobs();
+      LedResolver resolver = scene.resolver();
+      const LedFrame frame =
+          resolver.hold(scene.picture.view(), seen, scene.X_NB, cov, 0, still, 0);
+      bool taken = false;
+      for (const LedObservation& o : frame.seen) taken |= ((o.leds >> gone) & 1) != 0;
+      if (!known) {
+        as_led += taken;
+        continue;
+      }
+      EXPECT_FALSE(taken) << run;
+      held += static_cast<int>(frame.seen.size()) >= 3;
+      const auto followed =
+          resolver.follow(scene.picture.view(), seen, scene.X_NB, 2.5, still, 1);
+      if (!followed) continue;
+      for (const LedObservation& o : followed->seen) {
+        EXPECT_EQ((o.leds >> gone) & 1, 0) << run;
+      }
+    }
+  }
+  EXPECT_GT(as_led, 10) << "else there is nothing to tell";
+  EXPECT_GT(held, 10);
+}
+
 TEST(LedResolver, HoldsTheLedsThatARowOfLampsLeavesInView) {
   Rng rng(8);
   Matrix6 cov = Matrix6::Zero();

@@ -159,6 +159,30 @@ TEST(LedTracker, SaysWhyBlobsAreRefused) {
   EXPECT_EQ(frame.refused[1].reason, Refusal::wrong_color);
 }
 
+// One LED has left the picture, and a lamp stands where it would be next.
+TEST(LedTracker, AKnownStrayIsNoLedHoweverNear) {
+  const Rig rig = alan_rig();
+  const LedTracker tracker = make_tracker(rig);
+  for (unsigned seed = 1; seed <= 50; ++seed) {
+    SCOPED_TRACE(seed);
+    Rng rng(seed);
+    const Pose X_NB = test::random_pose(rig, rng, 0.6, 1);
+    const int gone = static_cast<int>(seed) % rig.leds.size();
+    std::vector<Blob> blobs;
+    for (int i = 0; i < rig.leds.size(); ++i) {
+      Vector2 uv = *project_led(rig.camera, X_NB, rig.leds.p_BL(i));
+      if (i == gone) uv += Vector2(2, -1);
+      blobs.push_back(
+          test::blob_at(uv, i == gone ? LedColor::white : rig.leds.color(i), rng));
+      blobs.back().stray = i == gone;
+    }
+    const LedFrame frame = tracker.track(blobs, X_NB, loose_covariance());
+    EXPECT_EQ(frame.led_count(), 5);
+    ASSERT_EQ(frame.refused.size(), 1u);
+    EXPECT_EQ(frame.refused[0].reason, Refusal::stray);
+  }
+}
+
 TEST(LedTracker, InAPictureFullOfNoiseTheLedsAreFollowedAllTheSame) {
   const Rig rig = alan_rig();
   const LedTracker tracker = make_tracker(rig);
