@@ -20,6 +20,8 @@ constexpr double kLeastUpright = 0.5;  // cosine of the tilt at which thrust sti
 constexpr Seconds kLatestTold = 10;    // a picture still later is no word on the camera
 constexpr Seconds kTouchUnsure = 0.15;
 constexpr double kSquareUpMost = 6 * kDegree;  // more would throw it to the side
+// Of the way back to how it stands, as long as its feet touch: they hold it, in part.
+constexpr double kFeetHold = 0.5;
 constexpr double kLiftTrust = 0.3;   // share of what lift-off says of the thrust
 constexpr Time kFuture = 5'000'000;  // ns; clocks agree no better than this
 
@@ -380,7 +382,13 @@ void LandingSystem::Parts::control(const MissionCommand& command, Time now,
       break;
     }
   }
-  if (!alone) response.sent(out.setpoint, now + link.delay());
+  if (alone) return;
+  Setpoint felt = out.setpoint;
+  if (command.thrust_least > 0) {
+    felt.q_IB =
+        felt.q_IB.slerp(kFeetHold, resting_setpoint(platform_eff, felt.thrust).q_IB);
+  }
+  response.sent(felt, now + link.delay());
 }
 
 void LandingSystem::step(const Input& input, Output& out, Probe* probe) {

@@ -27,6 +27,7 @@ Result<void> MissionConfig::validate() const {
           {"mission.take_off_back_m", take_off_back_m, 0, 1},
           {"mission.lift_m", lift_m, 0.001, 0.2},
           {"mission.slip_m", slip_m, 0.005, 1},
+          {"mission.slip_m_s", slip_m_s, 0.005, 10},
           {"mission.slip_tilt_deg", slip_tilt_deg, 1, 60},
           {"mission.sink_m", sink_m, 0, 0.5},
           {"mission.replan_every_s", replan_every_s, 0, 60},

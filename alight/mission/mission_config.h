@@ -95,6 +95,7 @@ struct MissionConfig {
   double ramp_timeout_s = 4;
   double lift_m = 0.012;          ///< Rise by which the drone has left the ground.
   double slip_m = 0.006;          ///< Or so far to the side,
+  double slip_m_s = 0.015;        ///< so fast,
   double slip_tilt_deg = 3;       ///< or tilted: feedback can wait no longer.
   double failsafe_s = 1;          ///< The autopilot's failsafe is given this to end.
   double blind_max_s = 3.2;       ///< From the floor: sight must come by then.

@@ -21,6 +21,8 @@ constexpr Seconds kLeavesIn = 0.8;  // which is never far off.
 // rig says, and pictures that show nothing of that show the past.
 constexpr double kMovesIt = 1.25;
 constexpr double kStandNoise = 0.001;  // m; a rise that standing drones show
+constexpr double kStands = 0.002;      // m; higher it may have left the ground
+constexpr double kMaySlide = 0.75;     // With less of the hover thrust wind moves none.
 constexpr Seconds kRampActsIn = 0.1;  // Later, the take-off's thrust grows more slowly.
 // A drone that stands: so near to its feet's height, m, so level, as slow as this, m/s,
 // for so long. Before its first start a rig that is not as written down feigns more,
@@ -178,8 +180,16 @@ void Mission::taken_off(const MissionInput& in, Command& c, Output& out) {
     coming_down_since_ = in.now;
   }
   if (coming_down_) c.ramp_share = std::min(c.ramp_share, kComingDown);
+  const Vector3 way = in.x_seen.p_NB - p_rest_;
+  const double tipped =
+      angle_between(Vector3(in.x_seen.R_NB.col(2)), Vector3(R_rest_.col(2)));
+  // Tipping over a foot lifts the middle, too.
+  const double rise = way.z() - arm_ * std::sin(tipped);
+  // With little weight on its feet the wind pushes it along the pad.
+  const bool stands = !stale && rise < kStands;
   const bool blind =
-      coming_down_ && to_seconds(in.now - coming_down_since_) > kComingDownFor;
+      coming_down_ &&
+      (stands || to_seconds(in.now - coming_down_since_) > kComingDownFor);
   if (abort_wanted_ || blind || in.link->lost(in.now) || !in.armed ||
       in_state(in) > limit) {
     // From the floor it may fly unseen: only the autopilot can bring it down.
@@ -202,16 +212,13 @@ void Mission::taken_off(const MissionInput& in, Command& c, Output& out) {
     left_ = true;
     return;
   }
-  const Vector3 way = in.x_seen.p_NB - p_rest_;
-  const double tipped =
-      angle_between(Vector3(in.x_seen.R_NB.col(2)), Vector3(R_rest_.col(2)));
-  // Tipping over a foot lifts the middle, too.
-  const double rise = way.z() - arm_ * std::sin(tipped);
   const bool rose = rise > config_.lift_m;
   // Light on its feet it slides and tips before it flies; thrust must go on growing, or
-  // it stays there.
-  const bool slipped =
-      horizontal(way) > config_.slip_m || tipped > config_.slip_tilt_deg * kDegree;
+  // it stays there. The sooner a slide is answered the less the wind makes of it.
+  const bool slides = horizontal(way) > kStandNoise && share > kMaySlide &&
+                      horizontal(in.x_seen.v_NB) > config_.slip_m_s;
+  const bool slipped = slides || horizontal(way) > config_.slip_m ||
+                       tipped > config_.slip_tilt_deg * kDegree;
   const bool lifted =
       fresh && !coming_down_ && (config_.start_on_floor || rose || slipped);
   if (!lifted) return;

@@ -47,6 +47,7 @@ class Flight {
   AutopilotMode mode = AutopilotMode::offboard;
   Vector3 off = Vector3::Zero();           ///< From the reference, where it flies.
   Vector3 slid = Vector3::Zero();          ///< On the ground, when the motors run.
+  Vector3 slides = Vector3::Zero();        ///< m/s, likewise,
   double tip = 0;                          ///< rad, likewise.
   OperatorWish wish = OperatorWish::none;  ///< Once.
 
@@ -171,6 +172,7 @@ class Flight {
         if (c.ramp_share > 0.9) {
           x_.p_NB += slid;
           slid.setZero();
+          if (!slides.isZero()) x_.v_NB = slides;
           if (tip != 0) x_.R_NB = so3_exp(Vector3(0, tip, 0));
         }
         break;
@@ -1219,6 +1221,32 @@ TEST(Mission, SlippingOrTippingAtTakeOffCountsAsLifted) {
   }
 }
 
+// How far it slid is told later than that it slides.
+TEST(Mission, SlidingAtTakeOffIsAnsweredBeforeItHasComeFar) {
+  const MissionConfig config;
+  struct Case {
+    double far, speed;
+    bool lifts;
+  };
+  for (const Case& c : {Case{0.0015, 1.2 * config.slip_m_s, true},
+                        Case{0.0015, 0.8 * config.slip_m_s, false},
+                        Case{0.0005, 1.2 * config.slip_m_s, false}}) {
+    SCOPED_TRACE(testing::Message() << c.far << " m, " << c.speed << " m/s");
+    Flight f;
+    f.lifts = false;
+    ASSERT_TRUE(f.reach(State::taken_off));
+    f.slid.y() = c.far;
+    f.slides = Vector3(0, c.speed, 0);
+    double share = 0;
+    for (int i = 0; i < 1000 && f.state() == State::taken_off && !f.c.lifted; ++i) {
+      f.step();
+      share = f.c.ramp_share;
+    }
+    EXPECT_EQ(f.c.lifted, c.lifts);
+    EXPECT_GT(share, 0.74) << "with its weight on its feet it cannot";
+  }
+}
+
 // Seen to slide it may stand yet: leaning it would tip over, and what the ground
 // carries must not keep thrust from growing.
 TEST(Mission, WhatSlidesBeforeItLiftsGoesOnLeavingTheGround) {
@@ -1333,6 +1361,7 @@ TEST(Mission, ALinkThatFailsAsItLiftsEndsTheStartAndThePlatformBrakes) {
     SCOPED_TRACE(lost_at);
     Flight f;
     f.lifts = false;
+    f.slid.z() = 0.006;  // it may have
     ASSERT_TRUE(f.reach(State::taken_off));
     while (f.c.ramp_share < lost_at) f.step();
     f.link_up = false;
@@ -1354,6 +1383,26 @@ TEST(Mission, ALinkThatFailsAsItLiftsEndsTheStartAndThePlatformBrakes) {
     for (int i = 0; i < 300; ++i) step();
     EXPECT_LT(wish, 0.01) << "its motors may turn still";
     // Heard again it is disarmed, and starts anew.
+    f.link_up = f.lifts = true;
+    EXPECT_TRUE(f.until(State::follow, 20));
+  }
+}
+
+// With less than its weight on its feet the wind would push it over the pad's edge.
+TEST(Mission, ALinkThatFailsWhileItStandsEndsTheStartAtOnce) {
+  for (const double lost_at : {0.75, 0.9}) {
+    SCOPED_TRACE(lost_at);
+    Flight f;
+    f.lifts = false;
+    f.slid = Vector3(0.0009, 0, 0.0015);  // what a drone that stands shows
+    ASSERT_TRUE(f.reach(State::taken_off));
+    while (f.c.ramp_share < lost_at) f.step();
+    f.link_up = false;
+    const Time lost = f.now();
+    while (f.state() == State::taken_off) f.step();
+    EXPECT_LT(to_seconds(f.now() - lost), 0.25);
+    EXPECT_EQ(f.reason(), "the radio link is not healthy");
+    EXPECT_EQ(f.orders_disarm, 1);
     f.link_up = f.lifts = true;
     EXPECT_TRUE(f.until(State::follow, 20));
   }
