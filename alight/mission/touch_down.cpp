@@ -46,8 +46,12 @@ constexpr double kFlareSlew = 0.8;    // s/s: the reference does not jump.
 constexpr Seconds kFlareStep = 0.01;  // between the brain's steps
 constexpr double kSquareUpWithin =
     0.05;                            // m, of a miss; by half as much at 1.5 times it
-constexpr double kSinkLeast = 0.15;  // m/s, of a drone that comes down
-constexpr double kSinking = 0.05;    // m/s, or there is nothing to wait for
+constexpr double kSinkLeast = 0.05;  // m/s, of a drone that comes down
+// m/s, or there is nothing to wait for; unless it is still so high above its feet, m:
+// held up by a gust, or by what is left of a step back up to its reference.
+constexpr double kSinking = 0.05, kStillFlies = 0.02;
+// s; of how much faster than its reference it climbs or sinks so much will last.
+constexpr Seconds kFlareLead = 0.25;
 // Held down by the last thrust for so much longer, s, it will not get more upright.
 constexpr Seconds kTiltedLonger = 0.15;
 
@@ -93,8 +97,11 @@ void TouchDown::flare(const MissionInput& in, Maneuver& maneuver) {
     const Seconds unsure = std::min(kUprightFor, kFlareGains / std::max(a, 0.1));
     maneuver.end_with(Flare(a_N, flare_lasts(a), lower + unsure));
   }
-  if (flared_ && -in.x.v_NB.z() > kSinking) {
-    const double above = in.x.p_NB.z() - maneuver.at(in.now).p_NB.z();
+  const bool flies = in.x.p_NB.z() > gear_height_ + kStillFlies;
+  if (flared_ && (-in.x.v_NB.z() > kSinking || flies)) {
+    const FlatState ref = maneuver.at(in.now);
+    const double above =
+        in.x.p_NB.z() - ref.p_NB.z() + kFlareLead * (in.x.v_NB.z() - ref.v_NB.z());
     const Seconds late = std::clamp(above / sink, kFlareEarliest, kFlareLatest);
     const Seconds step =
         kFlareSlew * std::clamp(to_seconds(in.now - flare_aimed_), 0.0, kFlareStep);

@@ -170,6 +170,21 @@ TEST_F(TouchDownTest, TheFlareWaitsForADroneThatIsLateAndNeverJumps) {
   EXPECT_NEAR(was, 0.04 / 0.25, 0.03);
 }
 
+// Pressed down by a gust it was held up for its reference, 4 cm above the pad, which
+// then sank past it: upright too soon it was blown off.
+TEST_F(TouchDownTest, WhatHangsAboveThePadWhileItsReferenceSinksIsNotUprightYet) {
+  double square = 0;
+  for (Seconds t = 0.5; t < 1.84; t += kStep) {
+    const bool hangs = t > 1.4;
+    MissionInput in = at(t, hangs ? 0.05 : 0.25 * (2 - t), 0, 2);
+    if (hangs) in.x.v_NB.z() = 0;
+    touch_.flare(in, maneuver_);
+    square = std::max(square, touch_.square_up(in, 0));
+  }
+  EXPECT_GT(maneuver_.flare_delay(), 0.15);
+  EXPECT_EQ(square, 0);
+}
+
 // On a deck that swings the force at the touch is known only when it is about to come.
 TEST_F(TouchDownTest, AFlareIsAimedAnewWhileItWaitsEvenLow) {
   for (Seconds t = 0.5; t < 1.8; t += kStep) {
@@ -177,12 +192,16 @@ TEST_F(TouchDownTest, AFlareIsAimedAnewWhileItWaitsEvenLow) {
   }
   maneuver_.aim_pace(from_seconds(1.7), 0);
   for (Seconds t = 1.8; t < 4; t += kStep) {
-    touch_.flare(at(t, 0.06, 0, -1), maneuver_);
+    MissionInput in = at(t, 0.06, 0, -1);
+    in.x.v_NB.z() = 0;
+    touch_.flare(in, maneuver_);
   }
   maneuver_.aim_pace(from_seconds(4), 1);
   // What comes once it has gone on is too late.
   for (Seconds t = 4.15; t < 4.3; t += kStep) {
-    touch_.flare(at(t, 0.05, 0, 2), maneuver_);
+    MissionInput in = at(t, 0.05, 0, 2);
+    in.x.v_NB.z() = maneuver_.at(in.now).v_NB.z();
+    touch_.flare(in, maneuver_);
   }
   const Time end = from_seconds(4.3 - maneuver_.past_end(from_seconds(4.3)) +
                                 maneuver_.flare_delay());
