@@ -9,9 +9,10 @@ constexpr int kKnownAfter = 3;  // pictures: its way has been foretold once
 // How near to where it is expected it is, px, once its way is known: a platform that
 // turns faster and faster, and noise; and how far it may have come before.
 constexpr double kOnItsWay = 0.75, kFirstStep = 6;
-// Nothing so near to an LED, px beyond the size of its own image, tells of strays.
+// Nothing so near to an LED, px beyond the size of its own image, tells of strays it
+// does not know; and what is half as near may be the LED, or both run together.
 constexpr double kApart = 8;
-constexpr Seconds kHidden = 0.25;  // and it is still expected
+constexpr Seconds kHidden = 0.1;  // and it is still expected
 
 }  // namespace
 
@@ -37,13 +38,13 @@ void StrayMemory::remember(BlobSpan blobs, const LedImages& leds, bool sure, Tim
   anew_.clear();
   for (const Blob& blob : blobs) {
     if (blob.cut) continue;
+    double to_led = 1e9;
+    for (std::size_t i = 0; i < kMaxLeds; ++i) {
+      if (leds.in_front[i]) to_led = std::min(to_led, (blob.uv - leds.uv[i]).norm());
+    }
     const double apart = kApart + std::sqrt(blob.area_px);
-    const auto near_led = [&](std::size_t i) {
-      return leds.in_front[i] && (blob.uv - leds.uv[i]).norm() < apart;
-    };
-    bool far = true;
-    for (std::size_t i = 0; i < kMaxLeds && far; ++i) far = !near_led(i);
-    if (!far && !blob.stray) continue;
+    const bool far = to_led > apart;
+    if (!far && !(blob.stray && to_led > apart / 2)) continue;
     const Stray* before = nullptr;
     double nearest = kFirstStep;
     for (const Stray& s : strays_) {

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <vector>
 
 #include "alight/base/rng.h"
@@ -118,8 +119,25 @@ TEST(StrayMemory, ALampThatWasHiddenIsKnownWhereItShouldBe) {
     };
     for (int k = 0; k < 5; ++k) see(true);
     for (int k = 0; k < hidden; ++k) EXPECT_EQ(see(false), 0);
-    EXPECT_EQ(see(true), hidden <= 12 ? 1 : 0) << "at last it is forgotten";
+    EXPECT_EQ(see(true), hidden <= 5 ? 1 : 0) << "at last it is forgotten";
   }
+}
+
+// A lamp's image, or an LED's own in the pad, runs into an LED that then stands there.
+TEST(StrayMemory, AnLedThatALampHasMetIsOneAgain) {
+  StrayMemory memory;
+  const LedImages leds = leds_at({200, 200});
+  int wrong = 0;
+  for (int n = 0; n < 150; ++n) {
+    const Vector2 lamp = leds.uv[2] + Vector2(0, 40 * std::exp(-0.08 * n));
+    std::vector<Vector2> lamps;
+    if ((lamp - leds.uv[2]).norm() > 0.7) lamps.push_back(lamp);  // then they are one
+    const auto blobs = picture(leds, lamps);
+    const BlobSpan marked = memory.mark({blobs.data(), blobs.size()}, n * kFrame);
+    for (std::size_t i = 0; i < 6; ++i) wrong += marked[i].stray;
+    memory.remember(marked, leds, true, n * kFrame);
+  }
+  EXPECT_LE(wrong, 7) << "as long as a lamp that is hidden is expected";
 }
 
 TEST(StrayMemory, ForgetsWhenTold) {
