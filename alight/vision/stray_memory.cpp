@@ -1,6 +1,7 @@
 #include "alight/vision/stray_memory.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace alight {
 namespace {

@@ -24,8 +24,8 @@ class StrayMemory {
   /// Goes on with what was marked in the picture of time `t`, and with the lights that
   /// stand apart from all LEDs.
   /// @param leds  Where the LEDs are, by the pose that the picture gave.
-  /// @param sure  Whether the LEDs seen leave no doubt about that pose. Else nothing is
-  ///              taken for a stray that was not one before.
+  /// @param sure  Whether the LEDs seen leave no doubt about that pose. Else no light
+  ///              is taken up; those that are, are gone on with.
   void remember(BlobSpan blobs, const LedImages& leds, bool sure, Time t);
 
   void forget() { strays_.clear(); }
