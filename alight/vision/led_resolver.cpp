@@ -92,6 +92,10 @@ ForeignLight foreign_light(const Blob& blob, int margin_px) {
   return light;
 }
 
+RefusedBlob unmatched(const Blob& blob) {
+  return {blob.uv, blob.stray ? Refusal::stray : Refusal::no_led_near};
+}
+
 }  // namespace
 
 Result<void> LedResolverConfig::validate() const {
@@ -621,8 +625,7 @@ std::optional<LedFrame> LedResolver::follow(const ImageView& image, BlobSpan blo
         !blobs[j].stray) {
       return std::nullopt;
     }
-    out.refused.push_back(
-        {blobs[j].uv, blobs[j].stray ? Refusal::stray : Refusal::no_led_near});
+    out.refused.push_back(unmatched(blobs[j]));
   }
   lit_ = lit;
   learn_from(look, patches);
@@ -730,8 +733,7 @@ LedFrame LedResolver::hold(const ImageView& image, BlobSpan blobs,
   for (std::size_t j = 0; j < blobs.size(); ++j) {
     if (std::find(match.blob.begin(), match.blob.end(), static_cast<int>(j)) ==
         match.blob.end()) {
-      out.refused.push_back(
-          {blobs[j].uv, blobs[j].stray ? Refusal::stray : Refusal::no_led_near});
+      out.refused.push_back(unmatched(blobs[j]));
     }
   }
   // What a lamp covers shines on.
