@@ -514,6 +514,22 @@ Result<UpdateReport> RelativeFilter::update(const LedFrame& frame, std::size_t a
   return report;
 }
 
+void RelativeFilter::update_velocity(const Vector3& v_NB, double sd_m_s) {
+  if (!initialized_ || !v_NB.allFinite() || !(sd_m_s > 0) || !std::isfinite(sd_m_s)) {
+    return;
+  }
+  const Matrix3 S = P_.block<3, 3>(6, 6) + sd_m_s * sd_m_s * Matrix3::Identity();
+  const Eigen::Matrix<double, 15, 3> K = P_.middleCols<3>(6) * inverse_of(S.llt());
+  const MotionState next = boxplus(state_, Vector15(K * (v_NB - state_.x.v_NB)));
+  Matrix15 left = Matrix15::Identity();
+  left.middleCols<3>(6) -= K;
+  // Joseph's form: it stays positive however small the noise.
+  const Matrix15 P = left * P_ * left.transpose() + sd_m_s * sd_m_s * K * K.transpose();
+  state_ = next;
+  P_ = 0.5 * (P + P.transpose());
+  led_bias_ = (left * led_bias_).eval();
+}
+
 void RelativeFilter::watch_residuals() {
   FixedVector<ResidualWatch::Residual, kMaxLeds> residuals;
   const Pose X_NB = state_.x.X_NB();

@@ -89,6 +89,10 @@ class RelativeFilter {
   Result<UpdateReport> update(const LedFrame& frame, std::size_t agreeing = 0,
                               LedInformation* told = nullptr);
 
+  /// Fuses a velocity v_NB known to `sd_m_s` along each axis, of time(). Nothing
+  /// happens unless initialized, with both finite and sd_m_s > 0.
+  void update_velocity(const Vector3& v_NB, double sd_m_s);
+
   /// Of the last update that came as far as looking at its observations, be it refused.
   const UpdateReport& last_report() const { return report_; }
 

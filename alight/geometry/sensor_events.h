@@ -1,5 +1,6 @@
 #pragma once
 #include <cstdint>
+#include <limits>
 
 #include "alight/base/time.h"
 #include "alight/geometry/image.h"
@@ -44,6 +45,8 @@ struct AutopilotTelemetry {
   Eigen::Quaterniond q_IB =
       Eigen::Quaterniond::Identity();  ///< The autopilot's belief.
   Vector3 w_IB_B = Vector3::Zero();    ///< rad/s, its gyros
+  /// m/s, its belief, in the same I as q_IB; NaN while it has none.
+  Vector3 v_IB = Vector3::Constant(std::numeric_limits<double>::quiet_NaN());
   bool armed = false;
   AutopilotMode mode = AutopilotMode::manual;
   double battery = 1;  ///< Remaining share, 0 to 1.

@@ -34,6 +34,7 @@ LandingConfig LandingConfig::standard(const Rig& rig) {
 LandingConfig LandingConfig::paper(const Rig& rig) {
   LandingConfig config = standard(rig);
   config.estimator = RelativeEstimatorConfig::paper();
+  config.dead_reckoning = false;
   config.interface = ControlInterface::velocity;
   config.mission.cut_height_m = 0.14;
   config.mission.wait_error_m = 0;

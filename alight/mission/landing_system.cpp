@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "alight/mission/dead_reckoning.h"
 #include "alight/mission/drone_motion.h"
 #include "alight/mission/miss.h"
 #include "alight/mission/mission.h"
@@ -22,7 +23,9 @@ constexpr Seconds kTouchUnsure = 0.15;
 constexpr double kSquareUpMost = 6 * kDegree;  // more would throw it to the side
 // Of the way back to how it stands, as long as its feet touch: they hold it, in part.
 constexpr double kFeetHold = 0.5;
-constexpr double kLiftTrust = 0.3;   // share of what lift-off says of the thrust
+constexpr double kLiftTrust = 0.3;  // share of what lift-off says of the thrust
+// Pictures that still come are to find the filter where they were taken.
+constexpr Seconds kReckonedLate = 0.12;
 constexpr Time kFuture = 5'000'000;  // ns; clocks agree no better than this
 
 // What no platform or drone that is landed on does: a number beyond is a broken
@@ -45,7 +48,8 @@ bool sane(const PlatformImu& i) {
 }
 bool sane(const AutopilotTelemetry& t) {
   return t.q_IB.coeffs().allFinite() && std::abs(t.q_IB.norm() - 1) < 1e-3 &&
-         within(t.w_IB_B, kFastestTurn) && std::isfinite(t.battery);
+         within(t.w_IB_B, kFastestTurn) && std::isfinite(t.battery) &&
+         (within(t.v_IB, kFastest) || t.v_IB.array().isNaN().all());
 }
 
 }  // namespace
@@ -83,6 +87,7 @@ struct LandingSystem::Parts {
   LinkMonitor link;
   DroneResponse response;
   DroneMotion motion;
+  DeadReckoning reckoning;
   Mission mission;
   AttitudeController attitude;
   PidController pid;
@@ -96,6 +101,7 @@ struct LandingSystem::Parts {
   Vector3 b_N_obeyed = Vector3::Zero();  // what the filter had learnt before that
   bool heading_known = false;
   int heading_off = 0;  // telemetry in a row that contradicts it
+  Time reckoned = 0;    // when its velocity was told last, unseen
   RelativeState x_seen;
   Eigen::Quaterniond tilt_at_rest = Eigen::Quaterniond::Identity();  // on a level deck
   bool calibrated = false;                                           // or tried to
@@ -115,6 +121,8 @@ struct LandingSystem::Parts {
   Eigen::Quaterniond deck_tilt(const PlatformState& at) const;
   void learn_rest(const AutopilotTelemetry& t);
   void follow_autopilot(const AutopilotTelemetry& t, Time now);
+  void watch_velocity(const AutopilotTelemetry& t);
+  void reckon(Time now);
   void external_pose(const FrameReport& frame, Output& out) const;
   /// The feet of a drone that leans come down one after the other.
   void square_up(double share, const PlatformState& at, Output& out) const;
@@ -203,6 +211,37 @@ void LandingSystem::Parts::follow_autopilot(const AutopilotTelemetry& t, Time no
   response.sent(as_it_flies, now);
 }
 
+void LandingSystem::Parts::watch_velocity(const AutopilotTelemetry& t) {
+  if (!config.dead_reckoning || motion.on_ground || !estimator.initialized() ||
+      !platform.ready()) {
+    reckoning.forget();
+    return;
+  }
+  if (to_seconds(t.captured - estimator.last_sight()) > kHeadingSight) {
+    reckoning.out_of_sight(t);
+    return;
+  }
+  const PlatformState at = platform.at(t.captured);
+  const RelativeState x = estimator.carried_to(t.captured, motion).x;
+  reckoning.in_sight(t, from_rpy(0, 0, motion.autopilot_heading) * at.X_IN.linear() *
+                            inertial_velocity_N(at, x.p_NB, x.v_NB));
+}
+
+void LandingSystem::Parts::reckon(Time now) {
+  const Blindness why = sight.why(now);
+  if (why != Blindness::pictures && why != Blindness::frozen) return;
+  DeadReckoning::Velocity told;
+  while (reckoning.next(now - from_seconds(kReckonedLate), told)) {
+    const PlatformState at = platform.at(told.captured);
+    const Vector3 v_IB_N = at.X_IN.linear().transpose() *
+                           from_rpy(0, 0, -motion.autopilot_heading) * told.v_IB;
+    const Vector3 v_IP_N =
+        inertial_velocity_N(at, estimator.filter().state().p_NB, Vector3::Zero());
+    estimator.reckon(told.captured, v_IB_N - v_IP_N, motion);
+    reckoned = told.captured;
+  }
+}
+
 void LandingSystem::Parts::take(const Event& event, Time now, Output& out,
                                 Probe* probe) {
   const auto timely = [&](Time captured) {
@@ -239,6 +278,7 @@ void LandingSystem::Parts::take(const Event& event, Time now, Output& out,
       learn_rest(*t);
       response.correct(t->captured, t->q_IB.toRotationMatrix(), t->w_IB_B);
       follow_autopilot(*t, now);
+      watch_velocity(*t);
     }
   } else if (const auto* status = std::get_if<LinkStatus>(&event)) {
     good = std::isfinite(status->round_trip_ms) && status->last_answer <= now + kFuture;
@@ -412,6 +452,7 @@ void LandingSystem::step(const Input& input, Output& out, Probe* probe) {
   p.sight.step(input.now);
   for (const Event& event : input.events) p.take(event, input.now, out, probe);
 
+  p.reckon(input.now);
   // No older picture is taken any more, and what moved the drone is forgotten soon.
   p.estimator.advance(input.now - from_seconds(p.config.event_age_max_s), p.motion);
   out.trace.t = input.now;
@@ -444,6 +485,7 @@ void LandingSystem::step(const Input& input, Output& out, Probe* probe) {
   }
   in.z_acted = state.x.p_NB.z() + acts * state.x.v_NB.z();
   in.seen = p.estimator.last_sight();
+  in.motion_known = std::max(in.seen, p.reckoned);
   if (in.estimate_valid) {
     in.miss_sd_m = miss_sd(out.trace.predicted_cov);
   }

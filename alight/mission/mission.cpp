@@ -112,7 +112,7 @@ void Mission::go(MissionState to, const char* reason, const MissionInput& in,
       break;
     case MissionState::lost_target:
       blindness_ = in.blindness;
-      search_goal_ = into_view_.first_N(in.x.p_NB);
+      search_goal_ = search_from(in);
       move_to(search_goal_, config_.search_speed_m_s, in);
       break;
     case MissionState::aborted:

@@ -102,6 +102,7 @@ class Mission {
   bool stays_beside(const MissionInput& in) const;
   /// The drone would come down on the platform, drove that on.
   bool would_meet(const MissionInput& in) const;
+  Vector3 search_from(const MissionInput& in) const;
   bool may_be_left(const MissionInput& in);
   /// It has been seen flying for long enough to know its weight and the wind.
   bool learnt(const MissionInput& in) const;

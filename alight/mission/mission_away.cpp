@@ -38,14 +38,14 @@ constexpr Seconds kStillKnown = 1;
 // is as short before that.
 constexpr Seconds kLearntIn = 0.4;
 constexpr Seconds kShortSearch = 0.9;
-// The wind is known after so long a flight in sight, s. A blind autopilot keeps level
-// and is blown off, 2 m and more until it is down: it is left moving against that,
-// m/s at most, to come down about where it was left. How soon and how fast, m/s, it
-// sinks.
+// The wind is known after so long a flight that is seen or told of, s. A blind
+// autopilot keeps level and is blown off, 2 m and more until it is down: it is left
+// moving against that, m/s at most, to come down about where it was left. How soon and
+// how fast, m/s, it sinks.
 constexpr Seconds kWindLearntIn = 1.5;
 constexpr double kAgainstWindMost = 0.8;
 constexpr Seconds kBlindSinksAfter = 0.5;
-constexpr double kBlindSinks = 0.5;
+constexpr double kBlindSinks = 0.42;
 
 /// Not even pictures come in which it might be seen again.
 bool dark(Blindness why) {
@@ -132,7 +132,7 @@ bool Mission::would_meet(const MissionInput& in) const {
 }
 
 Vector3 Mission::left_with_over_ground(const MissionInput& in) const {
-  const bool wind_known = to_seconds(in.seen - lifted_at_) >= kWindLearntIn;
+  const bool wind_known = to_seconds(in.motion_known - lifted_at_) >= kWindLearntIn;
   if (!wind_known || !dark(in.blindness)) return Vector3::Zero();
   const double height = std::max(0.0, in.x.p_NB.z() + above_floor_ - gear_height_);
   const Seconds blown = kBlindSinksAfter + height / kBlindSinks;
@@ -160,6 +160,11 @@ void Mission::stop_over_ground(const MissionInput& in) {
   maneuver_ = Maneuver::coast(ref, in.now);
 }
 
+// Height helps to be seen. Where there are no pictures it only is the longer to fall.
+Vector3 Mission::search_from(const MissionInput& in) const {
+  return dark(in.blindness) ? config_.follow_point : into_view_.first_N(in.x.p_NB);
+}
+
 void Mission::lost_target(const MissionInput& in, Output& out) {
   if (overruled(in, out)) return;
   if (unseen(in) < kFreshSight) {
@@ -175,7 +180,7 @@ void Mission::lost_target(const MissionInput& in, Output& out) {
     blindness_ = why;
     note(words_for(blindness_).lost, in, out);
   }
-  if (maneuver_.done(in.now) && search_goal_ != config_.search_point) {
+  if (maneuver_.done(in.now) && search_goal_ != config_.search_point && !dark(why)) {
     search_goal_ = config_.search_point;
     move_to(search_goal_, config_.search_speed_m_s, in);
   }

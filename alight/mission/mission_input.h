@@ -29,6 +29,7 @@ struct MissionInput {
   RelativeState x;              ///< At now.
   RelativeState x_seen;         ///< At the last picture.
   Time seen = 0;                ///< When that was captured.
+  Time motion_known = 0;        ///< Until then pictures or the autopilot tell it.
   Seconds acts_in = 0;          ///< From now to when an attitude sent now acts.
   double z_acted = 0;           ///< Height in N when thrust that is sent now acts, m.
   double miss_sd_m = 0;         ///< As `miss_sd`, of x.

@@ -57,6 +57,9 @@ Result<void> RelativeEstimatorConfig::validate() const {
     return fail(Fault::invalid_config,
                 "told_sd_m and told_sd_deg must not be negative");
   }
+  if (!(reckoned_sd_m_s > 0)) {
+    return fail(Fault::invalid_config, "reckoned_sd_m_s must be positive");
+  }
   if (!(placed_sd_px > 0 && placed_sds > 0)) {
     return fail(Fault::invalid_config, "placed_sd_px and placed_sds must be positive");
   }
@@ -152,6 +155,13 @@ void RelativeEstimator::advance(Time t, const MotionSource& motion) {
   if (!done) filter_.stop();
 }
 
+void RelativeEstimator::reckon(Time t, const Vector3& v_NB,
+                               const MotionSource& motion) {
+  if (!filter_.initialized() || t <= filter_.time()) return;
+  advance(t, motion);
+  filter_.update_velocity(v_NB, config_.reckoned_sd_m_s);
+}
+
 bool RelativeEstimator::fuse(const CameraFrame& frame, const MotionSource& motion,
                              FrameReport& out, Probe* probe) {
   out = FrameReport{};
@@ -164,16 +174,11 @@ bool RelativeEstimator::fuse(const CameraFrame& frame, const MotionSource& motio
     out.why_not = "the picture is damaged";
     return false;
   }
-  if (filter_.initialized()) {
-    const ProbeScope scope(probe, Stage::filter);
-    const auto done = filter_.predict_through(
-        frame.captured, step_, [&](Time t) { return motion.at(t, filter_.state()); });
-    if (!done || to_seconds(frame.captured - last_sight_) > config_.forget_after_s) {
-      filter_.stop();
-    }
-  }
   last_frame_ = frame.captured;
-  lift_N_ = motion.at(frame.captured, filter_.state()).lift_N;
+  if (filter_.initialized() && frame.captured < filter_.time()) {
+    out.why_not = "older than what the autopilot has told since";
+    return true;
+  }
 
   if (config_.heed_noise) {
     const PictureNoise noise = picture_noise(frame.color);
@@ -189,6 +194,16 @@ bool RelativeEstimator::fuse(const CameraFrame& frame, const MotionSource& motio
   // A camera without noise sees the same again and again while nothing moves.
   const bool flies = !expecting_ && !on_floor_;
   frozen_ = repeats_ && (flies || noisy_);
+  if (filter_.initialized()) {
+    const ProbeScope scope(probe, Stage::filter);
+    // What is no sight leaves the filter to what the autopilot tells.
+    if (!frozen_) advance(frame.captured, motion);
+    if (to_seconds(frame.captured - last_sight_) > config_.forget_after_s) {
+      filter_.stop();
+    }
+  }
+  lift_N_ = motion.at(frame.captured, filter_.state()).lift_N;
+
   if (frozen_) {
     ++misses_;
     out.why_not = "the camera repeats its picture";
@@ -231,7 +246,7 @@ bool RelativeEstimator::fuse(const CameraFrame& frame, const MotionSource& motio
     out.tracked = false;
     out.why_not = "two poses explain the pictures";
   }
-  if (filter_.initialized()) report_state(out);
+  if (filter_.initialized() && !frozen_) report_state(out);
   // A drone that stands where it is known to stand tells more of its rig than that.
   learning_ = learning_ || (config_.learn_leds && !expecting_ &&
                             filter_.led_sd_seen_m() > config_.learn_leds_from_m);

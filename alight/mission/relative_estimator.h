@@ -57,6 +57,8 @@ struct RelativeEstimatorConfig {
   double known_sd_m = 0.05;
   double known_sd_deg = 7;
   double known_sd_m_s = 0.2;     ///< Speed is known, after the LEDs were lost.
+  double reckoned_sd_m_s = 0.3;  ///< Of a velocity that the autopilot tells, each time:
+                                 ///< its errors last for many of them.
   double told_sd_m = 0;          ///< A pose that is less well known (sd) in some
   double told_sd_deg = 0;        ///< direction, with what LEDs do to it that may be
                                  ///< off, is not told. 0: all are.
@@ -109,6 +111,11 @@ class RelativeEstimator {
   /// Carries the filter on to `t` without a picture: what moved the drone is only known
   /// for a while (DroneResponse::kHistory). Pictures from before `t` are lost to it.
   void advance(Time t, const MotionSource& motion);
+
+  /// The velocity of a drone that is not seen, as its autopilot tells it
+  /// (DeadReckoning): the filter is carried on to `t`, as by `advance`. One from before
+  /// the filter's time changes nothing.
+  void reckon(Time t, const Vector3& v_NB, const MotionSource& motion);
 
   bool initialized() const { return filter_.initialized(); }
   /// Capture time of the last picture that was tracked; only when initialized.

@@ -25,8 +25,8 @@ struct AutopilotConfig {
   double velocity_d = 0.2;
   double velocity_p_z = 4;
   double velocity_i_z = 2;
-  double tilt_max_deg = 35;     ///< In velocity and landing modes.
-  double land_speed_m_s = 0.5;  ///< MPC_LAND_SPEED, 0.7 unless set (docs/faults.md)
+  double tilt_max_deg = 35;      ///< In velocity and landing modes.
+  double land_speed_m_s = 0.42;  ///< MPC_LAND_SPEED, 0.7 unless set (docs/faults.md)
   double descend_speed_m_s = 0.5;
   double land_jerk_m_s3 = 4;          ///< MPC_JERK_AUTO: the sink speed it asks for
   double land_acceleration_m_s2 = 3;  ///< changes smoothly; MPC_ACC_DOWN_MAX.

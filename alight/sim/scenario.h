@@ -120,7 +120,7 @@ struct AutopilotScenario {
       300;  ///< Without set-points (COM_OF_LOSS_T); then it does this:
   LinkLossAction link_loss = LinkLossAction::land;
   double blind_after_ms = 2000;  ///< Of the last external pose (EKF2_NOAID_TOUT).
-  double land_speed_m_s = 0.5;   ///< With which it lands by itself (MPC_LAND_SPEED).
+  double land_speed_m_s = 0.42;  ///< With which it lands by itself (MPC_LAND_SPEED).
   double hover_error = 0.03;     ///< Of its hover thrust, uniform within +- this share.
 };
 

@@ -205,6 +205,55 @@ TEST(RelativeFilter, BlindnessLowersConfidenceAndSightRestoresIt) {
   EXPECT_LT((b.filter.state().p_NB - b.truth(150).p_NB).norm(), 0.03);
 }
 
+// Against the information form, and nothing but finite numbers counts.
+TEST(RelativeFilter, AVelocityThatIsToldIsWeighedByItsNoise) {
+  Bench b;
+  b.run(1, 60);
+  ASSERT_TRUE(b.filter.predict_to(b.time(63), b.flight.input(61.5 / 60)));
+  const RelativeState x = b.filter.state();
+  const Covariance9 P = b.filter.tracking_covariance();
+  const Vector3 told = x.v_NB + Vector3(0.3, -0.2, 0.1);
+  b.filter.update_velocity(Vector3(kNaN, 0, 0), 0.1);
+  b.filter.update_velocity(told, kNaN);
+  b.filter.update_velocity(told, 0);
+  EXPECT_EQ(boxminus(b.filter.state(), x).norm(), 0);
+  EXPECT_EQ((b.filter.tracking_covariance() - P).norm(), 0);
+
+  const double sd = 0.2;
+  b.filter.update_velocity(told, sd);
+  Covariance9 information = P.inverse();
+  information.bottomRightCorner<3, 3>().diagonal().array() += 1 / (sd * sd);
+  const Covariance9 P_after = information.inverse();
+  const Vector9 change = P_after.rightCols<3>() * (told - x.v_NB) / (sd * sd);
+  EXPECT_LT((boxminus(b.filter.state(), x) - change).norm(), 1e-8);
+  EXPECT_LT((b.filter.tracking_covariance() - P_after).norm(), 1e-8 * P.norm());
+  expect_sound(b.filter);
+}
+
+// A wind that nobody tells of: 1.5 s without a picture.
+TEST(RelativeFilter, VelocitiesCarryABlindDroneThroughAWind) {
+  const Vector3 wind_N(0.6, -0.4, 0.3);  // m/s^2, not in the inputs
+  double off_m[2], learnt[2];
+  for (const bool told : {false, true}) {
+    Bench b;
+    b.run(1, 60);
+    MotionState blown;
+    blown.x = b.truth(60);
+    blown.d_N = wind_N;
+    for (int k = 61; k <= 150; ++k) {
+      ASSERT_TRUE(b.predict(k));
+      blown = extrapolate(blown, b.flight.input((k - 0.5) / 60), 1.0 / 60);
+      if (told) b.filter.update_velocity(blown.x.v_NB, 0.3);
+      expect_sound(b.filter);
+    }
+    off_m[told] = (b.filter.state().p_NB - blown.x.p_NB).norm();
+    learnt[told] = (b.filter.disturbance_N() - blown.d_N).norm();
+  }
+  EXPECT_GT(off_m[false], 0.5);
+  EXPECT_LT(off_m[true], 0.15);
+  EXPECT_LT(learnt[true], 0.3 * learnt[false]);
+}
+
 // Whatever happens to every n-th picture, the filter stays sound and on the drone.
 TEST(RelativeFilter, EveryNthFrameLostLateRepeatedOrNaN) {
   enum class Mishap { lost, late, repeated, nan, empty, garbage, one_led };

@@ -330,9 +330,45 @@ TEST(RelativeEstimator, ACameraThatRepeatsItsPictureSeesNothing) {
     EXPECT_EQ(w.report.tracked, k < 3) << k;
   }
   EXPECT_LE(w.estimator.last_sight(), seen + kFrame);
+  EXPECT_LE(w.estimator.filter().time(), seen + kFrame) << "its autopilot may tell";
   EXPECT_STREQ(w.report.why_not, "the camera repeats its picture");
   w.follow(3);
   EXPECT_TRUE(w.report.tracked);
+}
+
+// Pictures that do not come leave the drone to what its autopilot tells.
+TEST(RelativeEstimator, ADroneThatIsNotSeenMovesAsItsAutopilotTells) {
+  Watch w(RelativeEstimatorConfig{});
+  w.follow(30);
+  const Pose seen = Watch::sway(w.now);
+  const Vector3 v_NB(0.4, -0.3, 0.2);  // and the model knows of no motion
+  Time t = w.now;
+  for (int k = 0; k < 25; ++k) {
+    t += 20'000'000;
+    w.estimator.reckon(t, v_NB, w.motion);
+  }
+  EXPECT_EQ(w.estimator.last_sight(), w.now);
+  EXPECT_EQ(w.estimator.filter().time(), t);
+  const Vector3 way = w.estimator.filter().state().p_NB - seen.translation();
+  EXPECT_LT((way - 0.5 * v_NB).norm(), 0.1) << way.transpose();
+  EXPECT_LT((w.estimator.filter().state().v_NB - v_NB).norm(), 0.15);
+  // What is older than that changes nothing, be it told or seen.
+  const RelativeState x = w.estimator.filter().state();
+  w.estimator.reckon(t - 1, -v_NB, w.motion);
+  w.draw(seen);
+  EXPECT_TRUE(w.fuse(t - 10'000'000));
+  EXPECT_FALSE(w.report.tracked);
+  EXPECT_STREQ(w.report.why_not, "older than what the autopilot has told since");
+  EXPECT_EQ(boxminus(w.estimator.filter().state(), x).norm(), 0);
+  // There it is found.
+  Vector3 p_NB;
+  for (int k = 1; k <= 5; ++k) {
+    p_NB = seen.translation() + (0.5 + k / 60.0) * v_NB;
+    w.draw(make_pose(seen.linear(), p_NB));
+    ASSERT_TRUE(w.fuse(t + k * kFrame));
+  }
+  EXPECT_TRUE(w.report.tracked) << w.report.why_not;
+  EXPECT_LT((w.report.x.p_NB - p_NB).norm(), 0.02);
 }
 
 // The n-th picture, for every n: lost, black, late, repeated or of the wrong size.

@@ -93,7 +93,7 @@ void spoil(PlatformImu& imu, Time now, Rng& rng) {
   }
 }
 void spoil(AutopilotTelemetry& t, Time now, Rng& rng) {
-  switch (pick(rng, 5)) {
+  switch (pick(rng, 6)) {
     case 0:
       t.captured = no_time(now, rng);
       break;
@@ -105,6 +105,9 @@ void spoil(AutopilotTelemetry& t, Time now, Rng& rng) {
       break;
     case 3:
       spoil(t.w_IB_B, rng);
+      break;
+    case 4:
+      spoil(t.v_IB, rng);
       break;
     default:
       t.battery = pick(rng, 2) ? kNaN : kInf;

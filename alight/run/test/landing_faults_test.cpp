@@ -215,7 +215,35 @@ TEST(LandingFaults, TheWindIsKeptInMindWhenTheAutopilotTakesOver) {
     Pushes pushes;
     ASSERT_TRUE(run_landing(options, &pushes));
     EXPECT_GT(pushes.before_level, 0.25);
-    EXPECT_LT(pushes.change, 0.1);
+    EXPECT_LT(pushes.change, 0.4 * pushes.before_level);
+  }
+}
+
+// The camera fails half a second after lift-off, where wind and thrust are hardly
+// known. By the model alone and from higher up the wind blew each of these into the
+// platform; its autopilot's own velocity says where a drone is, and how it is blown.
+TEST(LandingFaults, WithoutPicturesADroneIsNotLeftToBeBlownIntoThePlatform) {
+  struct Places : RunObserver {
+    double off_m = 0;  // once it is given up, until it is left
+    bool left = false;
+    void on_step(const Output& out, const TruthState& truth, double) override {
+      left = left || truth.mode == AutopilotMode::land;
+      if (left || out.mission.state != MissionState::aborted) return;
+      off_m = (out.trace.predicted.p_NB - truth.X_NB.translation()).norm();
+    }
+  };
+  for (const unsigned seed : {327u, 358u, 361u, 374u, 379u, 387u, 398u, 424u}) {
+    SCOPED_TRACE(seed);
+    LandingRunOptions options = test::options_of("circle", seed);
+    options.scenario.faults = {
+        {.kind = FaultKind::camera_out, .at_s = 2.2, .for_s = 1000}};
+    Places places;
+    const auto result = run_landing(options, &places);
+    ASSERT_TRUE(result);
+    EXPECT_EQ(result->outcome, Outcome::aborted) << result->reason;
+    EXPECT_TRUE(places.left);
+    EXPECT_GT(places.off_m, 0);
+    EXPECT_LT(places.off_m, 0.7);
   }
 }
 
