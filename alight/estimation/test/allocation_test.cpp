@@ -68,6 +68,7 @@ TEST(Allocation, PredictAndUpdateTakeNone) {
       const bool predicted = filter.predict_to(t, input).has_value();
       const bool late = filter.predict_to(t - 1, input).has_value();
       (void)filter.update(frame);
+      filter.update_velocity(flight.state(to_seconds(t)).v_NB, 0.3);
       (void)filter.covariance();
       const double sd = filter.position_sd() + filter.yaw_sd() + filter.velocity_sd();
       EXPECT_EQ(allocations(), before) << "frame " << k;
