@@ -519,8 +519,17 @@ void RelativeFilter::update_velocity(const Vector3& v_NB, double sd_m_s) {
     return;
   }
   const Matrix3 S = P_.block<3, 3>(6, 6) + sd_m_s * sd_m_s * Matrix3::Identity();
-  const Eigen::Matrix<double, 15, 3> K = P_.middleCols<3>(6) * inverse_of(S.llt());
-  const MotionState next = boxplus(state_, Vector15(K * (v_NB - state_.x.v_NB)));
+  const Matrix3 S_inverse = inverse_of(S.llt());
+  const Eigen::Matrix<double, 15, 3> K = P_.middleCols<3>(6) * S_inverse;
+  const Vector3 innovation = v_NB - state_.x.v_NB;
+  const MotionState next = boxplus(state_, Vector15(K * innovation));
+  if (config_.noise.turn > 0) {
+    const Matrix3 turn_v = turn_.cross.middleCols<3>(6);
+    const Matrix3 K_turn = turn_v * S_inverse;
+    turn_.w += K_turn * innovation;
+    turn_.P -= K_turn * turn_v.transpose();
+    turn_.cross -= K_turn * P_.middleRows<3>(6);
+  }
   Matrix15 left = Matrix15::Identity();
   left.middleCols<3>(6) -= K;
   // Joseph's form: it stays positive however small the noise.

@@ -230,6 +230,23 @@ TEST(RelativeFilter, AVelocityThatIsToldIsWeighedByItsNoise) {
   expect_sound(b.filter);
 }
 
+// By every configuration, that which estimates the rate of turn, too.
+TEST(RelativeFilter, VelocitiesThatAreToldLeaveItSound) {
+  for (const auto& config : {RelativeFilterConfig{}, RelativeFilterConfig::paper(),
+                             RelativeFilterConfig::camera_only()}) {
+    Bench b(config);
+    b.run(1, 30);
+    for (int k = 31; k <= 90; ++k) {
+      ASSERT_TRUE(b.predict(k));
+      b.filter.update_velocity(b.truth(k).v_NB, 0.3);
+      expect_sound(b.filter);
+      EXPECT_LT((b.filter.state().v_NB - b.truth(k).v_NB).norm(), 1) << k;
+    }
+    b.run(91, 120);
+    EXPECT_LT((b.filter.state().p_NB - b.truth(120).p_NB).norm(), 0.03);
+  }
+}
+
 // A wind that nobody tells of: 1.5 s without a picture.
 TEST(RelativeFilter, VelocitiesCarryABlindDroneThroughAWind) {
   const Vector3 wind_N(0.6, -0.4, 0.3);  // m/s^2, not in the inputs
