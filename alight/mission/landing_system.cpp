@@ -228,8 +228,7 @@ void LandingSystem::Parts::watch_velocity(const AutopilotTelemetry& t) {
 }
 
 void LandingSystem::Parts::reckon(Time now) {
-  const Blindness why = sight.why(now);
-  if (why != Blindness::pictures && why != Blindness::frozen) return;
+  if (!dark(sight.why(now))) return;
   DeadReckoning::Velocity told;
   while (reckoning.next(now - from_seconds(kReckonedLate), told)) {
     const PlatformState at = platform.at(told.captured);

@@ -47,11 +47,6 @@ constexpr double kAgainstWindMost = 0.8;
 constexpr Seconds kBlindSinksAfter = 0.5;
 constexpr double kBlindSinks = 0.42;
 
-/// Not even pictures come in which it might be seen again.
-bool dark(Blindness why) {
-  return why == Blindness::pictures || why == Blindness::frozen;
-}
-
 }  // namespace
 
 double Mission::platform_wish(const MissionInput& in) {

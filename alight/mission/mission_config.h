@@ -13,7 +13,8 @@ struct MissionConfig {
   Safety safety;
   Vector3 follow_point = Vector3::Zero();
   Vector3 rendezvous_point = Vector3::Zero();
-  Vector3 search_point = Vector3::Zero();  ///< Where a lost target is searched for.
+  Vector3 search_point = Vector3::Zero();  ///< Where a lost target is searched for, as
+                                           ///< long as pictures come.
   // Distance of those two from the lens, in multiples of that from lens to pad: far
   // enough to see the whole approach, near enough to see well.
   double follow_distance = 2.7;

@@ -32,6 +32,10 @@ const char* to_string(Blindness why) {
   return "leds";
 }
 
+bool dark(Blindness why) {
+  return why == Blindness::pictures || why == Blindness::frozen;
+}
+
 BlindnessWords words_for(Blindness why) {
   switch (why) {
     case Blindness::pictures:

@@ -16,6 +16,9 @@ enum class Blindness : std::uint8_t {
 };
 const char* to_string(Blindness why);
 
+/// No new pictures come in which the LEDs might be seen.
+bool dark(Blindness why);
+
 /// What is said of it; static text.
 struct BlindnessWords {
   const char* lost;      ///< When sight is lost.
