@@ -13,6 +13,9 @@ namespace {
 
 using Frames = std::vector<ObservedFrame>;
 
+// A slip of unit or of LED is more than this share of a distance.
+constexpr double kDistanceOff = 0.25;
+
 Frames usable(std::span<const ObservedFrame> frames, bool use_merged) {
   Frames out;
   for (ObservedFrame frame : frames) {
@@ -103,7 +106,8 @@ Result<void> distances_hold(const LedAdjustmentConfig& config,
     }
     const double as_written = (written.p_BL(d.i) - written.p_BL(d.j)).norm();
     const double sd = std::hypot(d.sd_m, std::sqrt(2.0) * config.led_sd_m);
-    if (std::abs(d.distance_m - as_written) <= 5 * sd) continue;
+    const double most = std::max(5 * sd, kDistanceOff * as_written);
+    if (std::abs(d.distance_m - as_written) <= most) continue;
     std::ostringstream text;
     text << "distance " << name << ": " << d.distance_m << " m, the rig file says "
          << std::setprecision(4) << as_written

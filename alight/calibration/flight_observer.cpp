@@ -52,32 +52,35 @@ FlightObserver::FlightObserver(const FlightObserverConfig& config, const Rig& ri
       estimator_(std::move(estimator)),
       detector_(std::move(detector)),
       finder_(std::move(finder)),
-      tracker_(std::move(tracker)) {}
+      tracker_(std::move(tracker)),
+      lights_(rig.leds) {}
 
 void FlightObserver::look(const CameraFrame& frame) {
   ++pictures_;
+  const auto blobs = detector_.detect(frame.color, frame.depth);
   ObservedFrame out;
-  if (!observe(frame, out)) return;
+  const bool found = observe(frame, blobs ? *blobs : BlobSpan(), out);
+  lights_.add(blobs ? *blobs : BlobSpan(), found ? &out : nullptr);
+  if (!found) return;
   ++seen_;
   if (!still(out)) frames_.push_back(out);
 }
 
-bool FlightObserver::observe(const CameraFrame& frame, ObservedFrame& out) {
+bool FlightObserver::observe(const CameraFrame& frame, BlobSpan blobs,
+                             ObservedFrame& out) {
   FrameReport report;
   estimator_.fuse(frame, NoMotion(), report);
-  const auto blobs = detector_.detect(frame.color, frame.depth);
-  if (!blobs) return false;
   out.t = frame.captured;
   if (report.tracked) {
     out.X_NB = report.x.X_NB();
     Matrix6 cov = Matrix6::Zero();
     cov.diagonal() << Vector3::Constant(kPlaceSd * kPlaceSd),
         Vector3::Constant(kTurnSd * kTurnSd);
-    out.seen = tracker_.track(*blobs, out.X_NB, cov, frame.captured).seen;
+    out.seen = tracker_.track(blobs, out.X_NB, cov, frame.captured).seen;
     if (fits(out)) return true;
   }
   // Single pictures that were put together as a flight cannot be tracked.
-  const auto found = finder_.find(*blobs, frame.captured);
+  const auto found = finder_.find(blobs, frame.captured);
   if (!found) return false;
   out.X_NB = found->fit.X_NB;
   out.seen = found->frame.seen;

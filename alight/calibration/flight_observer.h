@@ -2,6 +2,7 @@
 #include <vector>
 
 #include "alight/base/result.h"
+#include "alight/calibration/light_tracks.h"
 #include "alight/calibration/observed_frame.h"
 #include "alight/mission/relative_estimator.h"
 
@@ -25,6 +26,8 @@ class FlightObserver {
   void look(const CameraFrame& frame);
 
   const std::vector<ObservedFrame>& frames() const { return frames_; }
+  /// The drone's lights, followed from picture to picture.
+  const std::vector<LightTrack>& tracks() const { return lights_.tracks(); }
   int pictures() const { return pictures_; }
   int seen() const { return seen_; }  ///< Pictures with a pose, still ones included.
 
@@ -32,7 +35,7 @@ class FlightObserver {
   FlightObserver(const FlightObserverConfig& config, const Rig& rig,
                  RelativeEstimator estimator, BlobDetector detector, LedFinder finder,
                  LedTracker tracker);
-  bool observe(const CameraFrame& frame, ObservedFrame& out);
+  bool observe(const CameraFrame& frame, BlobSpan blobs, ObservedFrame& out);
   /// Makes the pose as exact as its LEDs allow, unless they contradict each other.
   bool fits(ObservedFrame& frame) const;
   bool still(const ObservedFrame& frame) const;
@@ -44,6 +47,7 @@ class FlightObserver {
   LedFinder finder_;
   LedTracker tracker_;
   std::vector<ObservedFrame> frames_;
+  LightTracks lights_;
   int pictures_ = 0;
   int seen_ = 0;
 };

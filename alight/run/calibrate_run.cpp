@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "alight/calibration/flight_observer.h"
+#include "alight/calibration/led_guess.h"
 #include "alight/io/image_source.h"
 #include "alight/io/json_text.h"
 #include "alight/peers/peer.h"
@@ -158,6 +159,18 @@ Result<CalibrateFlightResult> calibrate_flight(const CalibrateFlightOptions& opt
     const auto observer =
         observe(options.source, rig, observing, options.config.adjustment.use_depth);
     if (!observer) return fail(observer.error());
+    if (pass == 0) {
+      // Single pictures mistake LEDs for each other where the rig file is far off.
+      const auto guess = guess_leds(options.config.adjustment, rig.camera, rig.leds,
+                                    observer->tracks());
+      if (guess) {
+        rig.leds = guess->leds;
+        if (guess->lights == rig.leds.size()) {
+          observing.led_sd_m = std::min(observing.led_sd_m, kLedSdLaterPass);
+        }
+        continue;
+      }
+    }
     const auto fit_with = [&](const ConstellationConfig& config) {
       return calibrate_constellation(config, options.rig.camera, options.rig.leds,
                                      rig.leds, observer->frames());

@@ -15,7 +15,7 @@ struct CalibrateFlightOptions {
   std::string source;  ///< Folder or video (io/image_source.h).
   Rig rig;
   ConstellationConfig config;
-  int passes = 2;  ///< Over the pictures, each with the LEDs of the one before.
+  int passes = 3;  ///< Over the pictures, each with the LEDs of the one before.
 };
 
 struct CalibrateFlightResult {
