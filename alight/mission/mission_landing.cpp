@@ -26,6 +26,11 @@ constexpr int kPlanlessMax = 3;
 constexpr Seconds kNoLag = 1e-6;
 // Above the commit height a descent still stops.
 constexpr double kStopsWithin = 0.03;  // m
+// A gust that pushes a waiting drone through the commit height passes again. So a miss
+// is refused only this far below, where it still can leave, or where it sinks there in
+// the time that thrust needs to answer.
+constexpr double kRefusesBelow = 0.045;  // m
+constexpr Seconds kSinksOn = 0.25;
 // m above gear height: a deck that swings beneath a drone that waits lower down reaches
 // its feet.
 constexpr double kFeetClear = 0.04;
@@ -297,9 +302,12 @@ void Mission::land(const MissionInput& in, Command& c, Output& out) {
                in.x.p_NB.z() < commit_height && ref.p_NB.z() < commit_height &&
                horizontal(ref.p_NB) < 0.5 * config_.go_around_error_m) {
       if (miss > config_.commit_error_m) {
-        go(MissionState::go_around,
-           in.platform_ready ? "not over the pad at the commit height" : kNoOdometry,
-           in, out);
+        const double soon = in.x.p_NB.z() + kSinksOn * std::min(0.0, in.x.v_NB.z());
+        if (soon < commit_height - kRefusesBelow) {
+          go(MissionState::go_around,
+             in.platform_ready ? "not over the pad at the commit height" : kNoOdometry,
+             in, out);
+        }
       } else {
         committed_ = true;
         maneuver_.aim_pace(in.now + from_seconds(in.acts_in), 1);
