@@ -518,22 +518,39 @@ void RelativeFilter::update_velocity(const Vector3& v_NB, double sd_m_s) {
   if (!initialized_ || !v_NB.allFinite() || !(sd_m_s > 0) || !std::isfinite(sd_m_s)) {
     return;
   }
-  const Matrix3 S = P_.block<3, 3>(6, 6) + sd_m_s * sd_m_s * Matrix3::Identity();
-  const Matrix3 S_inverse = inverse_of(S.llt());
-  const Eigen::Matrix<double, 15, 3> K = P_.middleCols<3>(6) * S_inverse;
-  const Vector3 innovation = v_NB - state_.x.v_NB;
+  fuse_directly<3>(6, v_NB - state_.x.v_NB, sd_m_s * sd_m_s * Matrix3::Identity());
+}
+
+void RelativeFilter::update_pose(const Pose& X_NB, const Matrix6& cov) {
+  if (!initialized_ || !X_NB.matrix().allFinite() || !cov.allFinite()) return;
+  Vector6 innovation;
+  innovation << X_NB.translation() - state_.x.p_NB,
+      so3_log(state_.x.R_NB.transpose() * X_NB.linear());
+  fuse_directly<6>(0, innovation, cov);
+}
+
+template <int N>
+void RelativeFilter::fuse_directly(int first,
+                                   const Eigen::Matrix<double, N, 1>& innovation,
+                                   const Eigen::Matrix<double, N, N>& R) {
+  using MatrixN = Eigen::Matrix<double, N, N>;
+  const MatrixN S = P_.template block<N, N>(first, first) + R;
+  const MatrixN S_inverse = S.llt().solve(MatrixN::Identity());
+  if (!S_inverse.allFinite()) return;
+  const Eigen::Matrix<double, 15, N> K = P_.template middleCols<N>(first) * S_inverse;
   const MotionState next = boxplus(state_, Vector15(K * innovation));
   if (config_.noise.turn > 0) {
-    const Matrix3 turn_v = turn_.cross.middleCols<3>(6);
-    const Matrix3 K_turn = turn_v * S_inverse;
+    const Eigen::Matrix<double, 3, N> turned =
+        turn_.cross.template middleCols<N>(first);
+    const Eigen::Matrix<double, 3, N> K_turn = turned * S_inverse;
     turn_.w += K_turn * innovation;
-    turn_.P -= K_turn * turn_v.transpose();
-    turn_.cross -= K_turn * P_.middleRows<3>(6);
+    turn_.P -= K_turn * turned.transpose();
+    turn_.cross -= K_turn * P_.template middleRows<N>(first);
   }
   Matrix15 left = Matrix15::Identity();
-  left.middleCols<3>(6) -= K;
+  left.template middleCols<N>(first) -= K;
   // Joseph's form: it stays positive however small the noise.
-  const Matrix15 P = left * P_ * left.transpose() + sd_m_s * sd_m_s * K * K.transpose();
+  const Matrix15 P = left * P_ * left.transpose() + K * R * K.transpose();
   state_ = next;
   P_ = 0.5 * (P + P.transpose());
   led_bias_ = (left * led_bias_).eval();

@@ -93,6 +93,10 @@ class RelativeFilter {
   /// happens unless initialized, with both finite and sd_m_s > 0.
   void update_velocity(const Vector3& v_NB, double sd_m_s);
 
+  /// Fuses a pose X_NB of time(), known to `cov` of (dp_NB, dR in B), from elsewhere
+  /// than the pictures. Nothing happens unless initialized, with all of it finite.
+  void update_pose(const Pose& X_NB, const Eigen::Matrix<double, 6, 6>& cov);
+
   /// Of the last update that came as far as looking at its observations, be it refused.
   const UpdateReport& last_report() const { return report_; }
 
@@ -131,6 +135,10 @@ class RelativeFilter {
   Verdict judge(const LedObservation* seen, const OverlappingLeds* group,
                 PictureMeasurements& measurements, UpdateReport& report) const;
   bool well_formed(const LedObservation& o) const;
+  /// The N components of the state from `first` on, measured with covariance R.
+  template <int N>
+  void fuse_directly(int first, const Eigen::Matrix<double, N, 1>& innovation,
+                     const Eigen::Matrix<double, N, N>& R);
   void add_depth(const LedObservation& o, const Pose& X_NB,
                  const Eigen::Matrix<double, 6, 6>& P, double z,
                  MeasuredImage& out) const;

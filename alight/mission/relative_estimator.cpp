@@ -336,6 +336,14 @@ bool RelativeEstimator::follow(const CameraFrame& frame, FrameReport& out,
   out.blobs = static_cast<int>(blobs->size());
   if (expecting_ && ignores_twins_) *blobs = without_twins(*blobs);
   if (!config_.tell_apart) return follow_among(*blobs, frame, out, probe);
+  if (expecting_ && !stands_as_expected(filter_.state().X_NB())) {
+    // Most LEDs of a rig that is off may fit a drone that stands otherwise better.
+    const auto expected = find_expected(*blobs, frame.captured);
+    if (expected && expected->frame.led_count() > filter_.last_report().used) {
+      go_on_from(*expected, frame.captured, out);
+      return out.tracked;
+    }
+  }
   const BlobSpan marked = strays_.mark(*blobs, frame.captured);
   if (!follow_among(marked, frame, out, probe)) return false;
   sure_ = sure_ || no_doubt(out);
@@ -478,6 +486,11 @@ bool RelativeEstimator::accept(const LedFrame& leds, std::size_t agreeing,
     out.why_not = leds.seen.empty() ? "no LED where one is expected"
                                     : "picture and prediction contradict each other";
     return false;
+  }
+  // What LEDs are off by does not average out as the filter takes it to: told with each
+  // picture, how it stands weighs against it what it weighs in one.
+  if (expecting_ && config_.tell_apart && stands_as_expected(filter_.state().X_NB())) {
+    filter_.update_pose(X_NB_expected_, cov_expected_);
   }
   for (const ObservationReport& seen : report->seen) {
     LedUse use;

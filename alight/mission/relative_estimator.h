@@ -225,6 +225,7 @@ class RelativeEstimator {
   double lens_distance(const Vector3& p_NB) const;
   /// The LEDs where they are expected: a fit with all but one of them in view.
   Result<FoundLeds> find_expected(BlobSpan blobs, Time t) const;
+  bool stands_as_expected(const Pose& X_NB) const;
   /// All that are not the twins of brighter ones in a glossy pad. Valid until the next
   /// call.
   BlobSpan without_twins(BlobSpan blobs);

@@ -414,24 +414,44 @@ BlobSpan RelativeEstimator::without_twins(BlobSpan blobs) {
 }
 
 Result<FoundLeds> RelativeEstimator::find_expected(BlobSpan blobs, Time t) const {
+  const Matrix6 information = cov_expected_.inverse();
+  const auto fit_of = [&](const LedFrame& frame) {
+    FixedVector<LedObservation, kMaxLeds> seen = frame.seen;
+    // By the lens what LEDs are off by is far more than what pictures are: without it
+    // the fit would turn the drone over to explain it.
+    const double off_px = config_.rest.led_sd_m * camera_.intrinsics.fx /
+                          lens_distance(X_NB_expected_.translation());
+    for (LedObservation& o : seen) o.cov += off_px * off_px * Matrix2::Identity();
+    return refine_pose(camera_, leds_, {seen.data(), seen.size()}, X_NB_expected_,
+                       &information);
+  };
   FoundLeds found;
   found.frame = tracker_.track(blobs, X_NB_expected_, cov_expected_, t);
+  auto fit = fit_of(found.frame);
+  if (fit && found.frame.led_count() < leds_.size()) {
+    // Where those stand, others may be that are far from where they were expected.
+    LedFrame again = tracker_.track(blobs, fit->X_NB, fit->cov, t);
+    if (again.led_count() > found.frame.led_count()) {
+      found.frame = again;
+      fit = fit_of(found.frame);
+    }
+  }
   if (found.frame.led_count() < std::max(4, leds_.size() - 1)) {
     return fail(Fault::too_few_points);
   }
-  const Matrix6 information = cov_expected_.inverse();
-  auto fit =
-      refine_pose(camera_, leds_, {found.frame.seen.data(), found.frame.seen.size()},
-                  X_NB_expected_, &information);
   if (!fit) return fail(fit.error());
   if (fit->rms_px > rest_rms_max_px(fit->X_NB)) return fail(Fault::degenerate);
-  Vector6 off;
-  off << fit->X_NB.translation() - X_NB_expected_.translation(),
-      so3_log(X_NB_expected_.linear().transpose() * fit->X_NB.linear());
-  // Six degrees of freedom: beyond this the drone stands elsewhere.
-  if (off.dot(information * off) > 22.5) return fail(Fault::ambiguous);
+  if (!stands_as_expected(fit->X_NB)) return fail(Fault::ambiguous);
   found.fit = *fit;
   return found;
+}
+
+bool RelativeEstimator::stands_as_expected(const Pose& X_NB) const {
+  Vector6 off;
+  off << X_NB.translation() - X_NB_expected_.translation(),
+      so3_log(X_NB_expected_.linear().transpose() * X_NB.linear());
+  // Six degrees of freedom: beyond this the drone stands elsewhere.
+  return off.dot(cov_expected_.llt().solve(off)) < 22.5;
 }
 
 }  // namespace alight

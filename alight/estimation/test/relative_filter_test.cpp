@@ -230,6 +230,33 @@ TEST(RelativeFilter, AVelocityThatIsToldIsWeighedByItsNoise) {
   expect_sound(b.filter);
 }
 
+TEST(RelativeFilter, APoseThatIsToldIsWeighedAgainstWhatIsKnown) {
+  Bench b;
+  b.run(1, 30);
+  const RelativeState x = b.filter.state();
+  const Covariance9 P = b.filter.tracking_covariance();
+  Vector9 off = Vector9::Zero();
+  off.head<6>() << 0.01, -0.006, 0.004, 0.02, -0.01, 0.03;
+  const Pose told = boxplus(x, off).X_NB();
+  Eigen::Matrix<double, 6, 6> R = 4e-4 * Eigen::Matrix<double, 6, 6>::Identity();
+  R(0, 3) = R(3, 0) = 1e-4;
+  Pose broken = told;
+  broken.translation().x() = kNaN;
+  b.filter.update_pose(broken, R);
+  b.filter.update_pose(told, kNaN * R);
+  EXPECT_EQ(boxminus(b.filter.state(), x).norm(), 0);
+  EXPECT_EQ((b.filter.tracking_covariance() - P).norm(), 0);
+
+  b.filter.update_pose(told, R);
+  Covariance9 information = P.inverse();
+  information.topLeftCorner<6, 6>() += R.inverse();
+  const Covariance9 P_after = information.inverse();
+  const Vector9 change = P_after.leftCols<6>() * R.inverse() * off.head<6>();
+  EXPECT_LT((boxminus(b.filter.state(), x) - change).norm(), 1e-8);
+  EXPECT_LT((b.filter.tracking_covariance() - P_after).norm(), 1e-8 * P.norm());
+  expect_sound(b.filter);
+}
+
 // By every configuration, that which estimates the rate of turn, too.
 TEST(RelativeFilter, VelocitiesThatAreToldLeaveItSound) {
   for (const auto& config : {RelativeFilterConfig{}, RelativeFilterConfig::paper(),
