@@ -338,7 +338,8 @@ bool RelativeEstimator::follow(const CameraFrame& frame, FrameReport& out,
   if (!config_.tell_apart) return follow_among(*blobs, frame, out, probe);
   if (expecting_ && !stands_as_expected(filter_.state().X_NB())) {
     // Most LEDs of a rig that is off may fit a drone that stands otherwise better.
-    const auto expected = find_expected(*blobs, frame.captured);
+    const auto expected =
+        find_expected(*blobs, frame.captured, X_NB_expected_, cov_expected_);
     if (expected && expected->frame.led_count() > filter_.last_report().used) {
       go_on_from(*expected, frame.captured, out);
       return out.tracked;

@@ -223,8 +223,10 @@ class RelativeEstimator {
   double exact_px(const Vector3& p_NB) const;
   double usual_rms_px(const Vector3& p_NB) const;
   double lens_distance(const Vector3& p_NB) const;
-  /// The LEDs where they are expected: a fit with all but one of them in view.
-  Result<FoundLeds> find_expected(BlobSpan blobs, Time t) const;
+  /// The LEDs of a drone that stands where it is expected, looked for around `X_NB`
+  /// (`cov` of dp_NB, dR in B): a fit with all but one of them in view.
+  Result<FoundLeds> find_expected(BlobSpan blobs, Time t, const Pose& X_NB,
+                                  const Matrix6& cov) const;
   bool stands_as_expected(const Pose& X_NB) const;
   /// All that are not the twins of brighter ones in a glossy pad. Valid until the next
   /// call.

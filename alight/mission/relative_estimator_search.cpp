@@ -75,11 +75,23 @@ void RelativeEstimator::search(const CameraFrame& frame, const MotionSource& mot
     // one: of a drone that stands where it should, the way it stands tells which is
     // which.
     if (expecting_ && !filter_.initialized()) {
-      auto expected = find_expected(*blobs, frame.captured);
+      const auto explain = [&](BlobSpan lights) {
+        auto expected =
+            find_expected(lights, frame.captured, X_NB_expected_, cov_expected_);
+        if (!found || !stands_as_expected(found->fit.X_NB)) return expected;
+        // So far from where it is expected LEDs may be that only the finder tells them
+        // from one another.
+        auto again =
+            find_expected(lights, frame.captured, found->fit.X_NB, found->fit.cov);
+        const bool more = again && (!expected || again->frame.led_count() >
+                                                     expected->frame.led_count());
+        return more ? again : expected;
+      };
+      auto expected = explain(*blobs);
       // Turned about its way ahead a drone fits its own LEDs on one side and the twins
       // of the others on the other.
       const BlobSpan alone = without_twins(*blobs);
-      auto again = find_expected(alone, frame.captured);
+      auto again = explain(alone);
       ignores_twins_ = again && (!expected || again->frame.led_count() >=
                                                   expected->frame.led_count());
       if (ignores_twins_) expected = std::move(again);
@@ -280,8 +292,14 @@ bool RelativeEstimator::contradicted(const CameraFrame& frame, FrameReport& out,
     const Pose X_NB = filter_.state().X_NB();
     // Among many lamps four lie by chance as four LEDs may.
     const std::size_t least = sure_ ? kTellingLeds : PoseDoubt::kFew;
+    // What has been followed since there was no doubt, and still shows that many, is
+    // the drone, if somewhat turned or shifted: farther off there are but lamps.
+    const bool far = !near(X_NB, found->fit.X_NB, config_.search_gate_m,
+                           config_.search_turn_deg * kDegree);
+    if (far && sure_ && seen_.size() >= PoseDoubt::kFew) return false;
     return found->frame.seen.size() > seen_.size() &&
            found->frame.seen.size() >= least &&
+           leans_as_known(found->fit.X_NB.linear()) &&
            !near(X_NB, found->fit.X_NB, config_.expected_within_m,
                  config_.expected_within_deg * kDegree) &&
            found->fit.rms_px <= exact_px(found->fit.X_NB.translation());
@@ -413,7 +431,9 @@ BlobSpan RelativeEstimator::without_twins(BlobSpan blobs) {
   return {no_twins_.data(), no_twins_.size()};
 }
 
-Result<FoundLeds> RelativeEstimator::find_expected(BlobSpan blobs, Time t) const {
+Result<FoundLeds> RelativeEstimator::find_expected(BlobSpan blobs, Time t,
+                                                   const Pose& X_NB,
+                                                   const Matrix6& cov) const {
   const Matrix6 information = cov_expected_.inverse();
   const auto fit_of = [&](const LedFrame& frame) {
     FixedVector<LedObservation, kMaxLeds> seen = frame.seen;
@@ -426,7 +446,7 @@ Result<FoundLeds> RelativeEstimator::find_expected(BlobSpan blobs, Time t) const
                        &information);
   };
   FoundLeds found;
-  found.frame = tracker_.track(blobs, X_NB_expected_, cov_expected_, t);
+  found.frame = tracker_.track(blobs, X_NB, cov, t);
   auto fit = fit_of(found.frame);
   if (fit && found.frame.led_count() < leds_.size()) {
     // Where those stand, others may be that are far from where they were expected.
