@@ -5,6 +5,7 @@
 
 #include "alight/mission/dead_reckoning.h"
 #include "alight/mission/drone_motion.h"
+#include "alight/mission/floor_contact.h"
 #include "alight/mission/miss.h"
 #include "alight/mission/mission.h"
 #include "alight/platform/deck_motion.h"
@@ -88,6 +89,7 @@ struct LandingSystem::Parts {
   DroneResponse response;
   DroneMotion motion;
   DeadReckoning reckoning;
+  FloorContact floor;
   Mission mission;
   AttitudeController attitude;
   PidController pid;
@@ -122,6 +124,7 @@ struct LandingSystem::Parts {
   void learn_rest(const AutopilotTelemetry& t);
   void follow_autopilot(const AutopilotTelemetry& t, Time now);
   void watch_velocity(const AutopilotTelemetry& t);
+  void watch_floor(const AutopilotTelemetry& t);
   void reckon(Time now);
   void external_pose(const FrameReport& frame, Output& out) const;
   /// The feet of a drone that leans come down one after the other.
@@ -227,6 +230,18 @@ void LandingSystem::Parts::watch_velocity(const AutopilotTelemetry& t) {
                             inertial_velocity_N(at, x.p_NB, x.v_NB));
 }
 
+void LandingSystem::Parts::watch_floor(const AutopilotTelemetry& t) {
+  if (!alone || !t.armed || !estimator.initialized()) {
+    floor.forget();
+    return;
+  }
+  if (to_seconds(t.captured - estimator.last_sight()) < kHeadingSight) {
+    floor.seen(x_seen.p_NB.z() + rig.pad.above_floor_m - rig.drone.gear_height_m);
+  }
+  const Matrix3 R_IB = t.q_IB.toRotationMatrix();
+  floor.told(t.captured, t.v_IB.z(), std::acos(std::clamp(R_IB(2, 2), -1.0, 1.0)));
+}
+
 void LandingSystem::Parts::reckon(Time now) {
   if (!dark(sight.why(now))) return;
   DeadReckoning::Velocity told;
@@ -278,6 +293,7 @@ void LandingSystem::Parts::take(const Event& event, Time now, Output& out,
       response.correct(t->captured, t->q_IB.toRotationMatrix(), t->w_IB_B);
       follow_autopilot(*t, now);
       watch_velocity(*t);
+      watch_floor(*t);
     }
   } else if (const auto* status = std::get_if<LinkStatus>(&event)) {
     good = std::isfinite(status->round_trip_ms) && status->last_answer <= now + kFuture;
@@ -471,6 +487,7 @@ void LandingSystem::step(const Input& input, Output& out, Probe* probe) {
   in.armed = p.telemetry.armed;
   in.mode = p.telemetry.mode;
   in.battery = p.telemetry.battery;
+  in.stands_on_floor = p.floor.stands();
   in.link = &p.link;
   in.platform_ready = p.platform.ready() && !p.platform.stale(input.now);
   in.estimate_valid = out.trace.estimate_valid;

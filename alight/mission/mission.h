@@ -100,6 +100,9 @@ class Mission {
   void leave_ground(const MissionInput& in, Command& c) const;
   /// Aborted in sight and clear of the platform, which stays to see it to the floor.
   bool stays_beside(const MissionInput& in) const;
+  /// How near the pad's middle, level, the drone comes on its way to the floor if the
+  /// platform stays beside it, m.
+  double nearest_beside(const MissionInput& in) const;
   /// The drone would come down on the platform, drove that on.
   bool would_meet(const MissionInput& in) const;
   Vector3 search_from(const MissionInput& in) const;

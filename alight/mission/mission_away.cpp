@@ -27,8 +27,9 @@ constexpr double kSinks = 0.6;
 constexpr double kDrives = 0.2, kStoppedShare = 0.3;
 // One that is seen to come down beside the platform is left behind a little.
 constexpr Seconds kBrakesBeside = 1;
-constexpr double kRoomBeside = 0.1;  // m, from the pad's corner to a rotor
-constexpr double kUnsure = 0.05;     // m, of where it comes down
+constexpr double kSinksBeside = 0.42;  // m/s: the longer it takes, the farther blown
+constexpr double kRoomBeside = 0.1;    // m, from the pad's corner to a rotor
+constexpr double kUnsure = 0.05;       // m, of where it comes down
 // So long after its autopilot has acted alone, s, a drone is lost because of that.
 constexpr Seconds kAloneBefore = 1;
 // Unseen for so long, s, the drone may be elsewhere than predicted.
@@ -112,8 +113,31 @@ bool Mission::stopped_beneath(const MissionInput& in) {
 // seen: blind it leans against a drift that it has made up, and tips over.
 bool Mission::stays_beside(const MissionInput& in) const {
   const Vector3& p = in.x.p_NB;
+  const double room = reach_ + kRoomBeside;
   return status_.state == MissionState::aborted && in_sight(in) && outline_.clear(p) &&
-         horizontal(p) > reach_ + kRoomBeside;
+         horizontal(p) > room && nearest_beside(in) > room;
+}
+
+// Its autopilot brakes over the ground and then gives way to the wind, which it has to
+// learn first: towards the platform, if that stops in its lee.
+double Mission::nearest_beside(const MissionInput& in) const {
+  const RelativeState& x = in.x;
+  const double height = std::max(0.0, x.p_NB.z() + above_floor_ - gear_height_);
+  const Seconds down = kSinksAfter + height / kSinksBeside;
+  const Vector3 v_IB_N = inertial_velocity_N(in.platform, x.p_NB, x.v_NB);
+  double nearest = horizontal(x.p_NB);
+  constexpr int kInstants = 4;
+  for (int k = 1; k <= kInstants; ++k) {
+    const Seconds t = k * down / kInstants;
+    const Seconds braking = kBrakes * (1 - std::exp(-t / kBrakes));
+    const Vector3 flown = braking * v_IB_N + kBrakes * (t - braking) * in.push_N;
+    const Seconds driven = kBrakesBeside * (1 - std::exp(-t / kBrakesBeside));
+    const double turned = driven * in.platform.w_IN_N.z();
+    const Vector3 way = from_rpy(0, 0, 0.5 * turned) * (driven * in.platform.v_IN_N);
+    const Vector3 p_NB = from_rpy(0, 0, -turned) * (x.p_NB + flown - way);
+    nearest = std::min(nearest, horizontal(p_NB));
+  }
+  return nearest;
 }
 
 bool Mission::would_meet(const MissionInput& in) const {
@@ -225,6 +249,9 @@ void Mission::lost_link(const MissionInput& in, Command& c, Output& out) {
        fresh ? "the link is back" : "the link is back, the LEDs are out of sight", in,
        out);
     c.mode = Command::Mode::track;
+  } else if (in.stands_on_floor && to_seconds(in.now - last_order_) >= kOrderEvery) {
+    c.order = AutopilotOrder::disarm;
+    last_order_ = in.now;
   }
 }
 
@@ -267,7 +294,7 @@ void Mission::aborted(const MissionInput& in, Command& c, Output& out) {
   if (!left_) {
     c.mode = Command::Mode::track;
   } else if (to_seconds(in.now - last_order_) >= kOrderEvery) {
-    c.order = AutopilotOrder::land;
+    c.order = in.stands_on_floor ? AutopilotOrder::disarm : AutopilotOrder::land;
     last_order_ = in.now;
   }
 }

@@ -21,6 +21,7 @@ struct MissionInput {
   bool armed = false;
   AutopilotMode mode = AutopilotMode::manual;
   double battery = 1;
+  bool stands_on_floor = false;  ///< Landed beside the platform, its motors running.
 
   const LinkMonitor* link = nullptr;
   bool platform_ready = false;  ///< Odometry is fresh.

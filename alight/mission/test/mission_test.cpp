@@ -45,6 +45,7 @@ class Flight {
   double miss_sd_m = 0.02;
   double deck_swing = 0, deck_lean = 0;  ///< m/s^2; rad, at the touch
   Vector3 push_N = Vector3::Zero();      ///< m/s^2, of the wind
+  bool stands_on_floor = false;          ///< By what it tells.
   AutopilotMode mode = AutopilotMode::offboard;
   Vector3 off = Vector3::Zero();           ///< From the reference, where it flies.
   Vector3 slid = Vector3::Zero();          ///< On the ground, when the motors run.
@@ -105,6 +106,7 @@ class Flight {
     in.miss_sd_m = miss_sd_m;
     in.platform.v_IN_N = Vector3(platform_speed, 0, 0);
     in.push_N = push_N;
+    in.stands_on_floor = stands_on_floor;
     in.deck_swing = deck_swing;
     in.f_end_N = kGravity * Vector3(0, std::tan(deck_lean), 1);
     PlanArrival arrival;
@@ -1126,6 +1128,60 @@ TEST(Mission, ThePlatformWaitsForADroneThatLandsBesideIt) {
   f.motors_stop = true;
   f.run(5);
   EXPECT_EQ(f.c.platform_speed_wish, 0) << "it lies there";
+}
+
+// The wind blows a drone that its autopilot lands after a platform that stops in its
+// lee: then the platform had better drive on.
+TEST(Mission, ThePlatformDoesNotStopWhereTheWindBlowsTheDrone) {
+  for (const double push : {0.0, -1.2, 1.2}) {
+    SCOPED_TRACE(push);
+    Flight f;
+    ASSERT_TRUE(bring(f, State::follow));
+    f.push_N = Vector3(push, 0, 0);
+    f.wish = OperatorWish::abort;
+    f.run(0.5);
+    ASSERT_TRUE(f.until(State::aborted, 1) || f.state() == State::aborted);
+    for (int i = 0; i < 400 && f.orders_land == 0; ++i) f.step();
+    ASSERT_GT(f.orders_land, 0);
+    f.mode = AutopilotMode::land;
+    f.run(1);
+    if (push > 0) {
+      EXPECT_EQ(f.c.platform_speed_wish, 1) << "blown after it";
+    } else {
+      EXPECT_LT(f.c.platform_speed_wish, 0.5) << "to be seen to the floor";
+    }
+  }
+}
+
+// Beside the platform the autopilot does not see that it stands, and leans until it
+// tips over.
+TEST(Mission, MotorsStopOnceADroneStandsOnTheFloor) {
+  Flight f;
+  ASSERT_TRUE(bring(f, State::follow));
+  f.wish = OperatorWish::abort;
+  f.run(5);
+  ASSERT_EQ(f.state(), State::aborted);
+  ASSERT_GT(f.orders_land, 0);
+  f.mode = AutopilotMode::land;
+  EXPECT_EQ(f.orders_disarm, 0);
+  f.stands_on_floor = true;
+  f.run(0.3);
+  EXPECT_GT(f.orders_disarm, 0);
+  EXPECT_FALSE(f.armed());
+  EXPECT_EQ(f.state(), State::aborted);
+}
+
+TEST(Mission, MotorsStopOnTheFloorAlsoWhereTheLinkWasLostAndIsBack) {
+  Flight f;
+  ASSERT_TRUE(bring(f, State::follow));
+  f.mode = AutopilotMode::failsafe;
+  ASSERT_TRUE(f.until(State::lost_link, 3));
+  f.run(1);
+  EXPECT_EQ(f.orders_disarm, 0);
+  f.stands_on_floor = true;
+  f.run(0.3);
+  EXPECT_GT(f.orders_disarm, 0);
+  EXPECT_EQ(f.state(), State::complete);
 }
 
 TEST(Mission, EachFailedLandingIsFollowedByALongerWait) {

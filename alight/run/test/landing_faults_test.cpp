@@ -253,6 +253,23 @@ TEST(LandingFaults, TheOperatorsAbortEndsOffThePad) {
   EXPECT_EQ(s.result.reason, "the operator aborted: the autopilot lands");
 }
 
+// The first was blown into the platform, which had stopped in its lee; the others leant
+// on the floor, where the pad hides them, against a drift that there was not.
+TEST(LandingFaults, AnAbortedDroneStandsOnTheFloorBesideThePlatform) {
+  const struct {
+    unsigned seed;
+    double abort_s;
+  } cases[] = {{504, 5}, {802, 2.5}, {802, 7.6}};
+  for (const auto& c : cases) {
+    SCOPED_TRACE(c.seed);
+    LandingRunOptions options = test::options_of("circle", c.seed);
+    options.scenario.faults = {{.kind = FaultKind::operator_abort, .at_s = c.abort_s}};
+    const auto result = run_landing(options);
+    ASSERT_TRUE(result);
+    EXPECT_EQ(result->outcome, Outcome::aborted) << result->reason;
+  }
+}
+
 TEST(LandingFaults, APilotWhoKeepsItHasIt) {
   const Story s =
       story({.kind = FaultKind::autopilot_mode, .at_s = 5, .for_s = 1000}, 5);
