@@ -27,6 +27,7 @@ struct FlightSettings : Files {
   int hold_out = 5;
   bool depth = false;
   bool merged = false;
+  bool no_thrust = false;
 };
 
 struct LensSettings : Files {
@@ -137,6 +138,17 @@ void print(const FlightSettings& settings, const Rig& before,
   }
   print_size(fit);
   const Vector3 turn = fit.turn_sd_rad / kDegree;
+  if (fit.thrust) {
+    const Vector2 told = fit.thrust->turn_rad / kDegree;
+    const Vector2 sd = fit.thrust->cov.diagonal().cwiseSqrt() / kDegree;
+    std::printf(
+        "thrust        turns the whole by %.1f +- %.1f deg about x, %.1f +- %.1f about "
+        "y (%d stretches of flight)\n",
+        told.x(), sd.x(), told.y(), sd.y(), fit.thrust->windows);
+  } else {
+    std::printf("thrust        does not tell how the whole is turned: %s\n",
+                fit.no_thrust.c_str());
+  }
   std::printf(
       "as a whole    placed in B by the rig file: +- %.1f %.1f %.1f mm, turned "
       "+- %.1f %.1f %.1f deg about x, y, z\n"
@@ -239,6 +251,7 @@ Result<void> calibrate(const FlightSettings& settings) {
   adjustment.use_depth = settings.depth;
   options.config.hold_out = settings.hold_out;
   options.config.use_merged = settings.merged;
+  options.config.use_thrust = !settings.no_thrust;
   return conclude(settings, options, calibrate_flight(options),
                   [&](const auto& result) { print(settings, *rig, result); });
 }
@@ -327,6 +340,8 @@ void add_constellation(CLI::App& parent, Job& job) {
       ->capture_default_str();
   part->add_flag("--depth", settings->depth, "Size from the depth pictures");
   part->add_flag("--merged", settings->merged, "Use blobs of several LEDs, too");
+  part->add_flag("--no-thrust", settings->no_thrust,
+                 "Do not turn the whole so that the thrust lies along z of B");
   part->add_option("--hold-out", settings->hold_out,
                    "Every how many-th picture is held out")
       ->check(within(2, 100))

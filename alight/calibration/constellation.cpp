@@ -15,6 +15,7 @@ using Frames = std::vector<ObservedFrame>;
 
 // A slip of unit or of LED is more than this share of a distance.
 constexpr double kDistanceOff = 0.25;
+constexpr double kFitsPx = 1.5;  // rms, of a pose that may be used
 
 Frames usable(std::span<const ObservedFrame> frames, bool use_merged) {
   Frames out;
@@ -167,6 +168,49 @@ SizeFrom size_from(const LedAdjustmentConfig& config, const Frames& frames) {
   return SizeFrom::prior;
 }
 
+/// Of every picture that shows four lights or more, LEDs that run together, too: most
+/// of a flight is farther away than where they all stand apart.
+Frames with_poses(const Camera& camera, const Constellation& leds,
+                  std::span<const ObservedFrame> frames) {
+  Frames out;
+  for (const ObservedFrame& frame : frames) {
+    if (frame.seen.size() < 4) continue;
+    const auto fit =
+        refine_pose(camera, leds, {frame.seen.data(), frame.seen.size()}, frame.X_NB);
+    if (!fit || !(fit->rms_px < kFitsPx)) continue;
+    out.push_back(frame);
+    out.back().X_NB = fit->X_NB;
+  }
+  return out;
+}
+
+/// The whole turned as the prior and what the thrust says of it have it, together.
+void turn_by_thrust(const ConstellationConfig& config, const Matrix3& prior,
+                    const Frames& frames, ConstellationFit& fit) {
+  fit.turn_sd_rad = prior.diagonal().cwiseSqrt();
+  if (!config.use_thrust) {
+    fit.no_thrust = "not asked for";
+    return;
+  }
+  const auto axis = find_thrust_axis(config.thrust, frames);
+  if (!axis) {
+    fit.no_thrust = axis.error().detail;
+    return;
+  }
+  fit.thrust = *axis;
+  const Eigen::Matrix2d S = prior.topLeftCorner<2, 2>() + axis->cov;
+  const Eigen::Matrix<double, 3, 2> K = prior.leftCols<2>() * S.inverse();
+  const Matrix3 turn = so3_exp(K * axis->turn_rad);
+  fit.turn_sd_rad = (prior - K * prior.topRows<2>()).diagonal().cwiseSqrt();
+  const int n = fit.leds.size();
+  Vector3 middle = Vector3::Zero();
+  for (int i = 0; i < n; ++i) middle += fit.leds.p_BL(i) / n;
+  for (int i = 0; i < n; ++i) {
+    Vector3& p_BL = fit.leds.leds[static_cast<std::size_t>(i)].p_BL;
+    p_BL = middle + turn * (p_BL - middle);
+  }
+}
+
 }  // namespace
 
 const char* to_string(SizeFrom from) {
@@ -204,7 +248,6 @@ Result<ConstellationFit> calibrate_constellation(
     fit.sd_m.push_back(found->cov_shape.diagonal().segment<3>(3 * i).cwiseSqrt());
   }
   fit.shift_sd_m = found->shift_sd_m;
-  fit.turn_sd_rad = found->turn_sd_rad;
   fit.size_sd = found->scale_sd;
   fit.size_from = size_from(config.adjustment, all);
   fit.depth_scale = found->depth_scale;
@@ -235,6 +278,8 @@ Result<ConstellationFit> calibrate_constellation(
   if (!without) return fail(without.error().fault, "too few pictures to hold any out");
   fit.rms_held_out_px = rms_of(camera, without->leds, held_out);
   fit.frames_held_out = static_cast<int>(held_out.size());
+  turn_by_thrust(config, found->turn_cov_rad2, with_poses(camera, fit.leds, frames),
+                 fit);
   return fit;
 }
 

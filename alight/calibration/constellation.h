@@ -1,12 +1,16 @@
 #pragma once
+#include <optional>
 #include <string>
 
 #include "alight/calibration/led_adjustment.h"
+#include "alight/calibration/thrust_axis.h"
 
 namespace alight {
 
 struct ConstellationConfig {
   LedAdjustmentConfig adjustment;
+  bool use_thrust = true;   ///< The thrust's way tells how the whole is turned,
+  ThrustAxisConfig thrust;  ///< where the drone flies freely.
   bool use_merged = false;  ///< Blobs of several LEDs, too, as the middle of theirs.
   int hold_out = 5;         ///< Every how many-th frame is held out, at least 2.
   // What is too weak to be used.
@@ -24,7 +28,10 @@ struct ConstellationFit {
   Constellation leds;
   std::vector<Vector3> sd_m;  ///< Of each LED, apart from the motion of the whole.
   Vector3 shift_sd_m = Vector3::Zero();   ///< Of the whole, by the prior alone.
-  Vector3 turn_sd_rad = Vector3::Zero();  ///< The same, about x, y, z of B.
+  Vector3 turn_sd_rad = Vector3::Zero();  ///< The same, about x, y, z of B, by the
+                                          ///< prior and the thrust,
+  std::optional<ThrustAxis> thrust;       ///< if that has told,
+  std::string no_thrust;                  ///< else why it has not.
   double size_sd = 0;                     ///< Relative.
   SizeFrom size_from = SizeFrom::prior;
   double depth_scale = 1;  ///< Measured depth over true.

@@ -446,7 +446,7 @@ class Adjuster {
     return std::sqrt(2 * median(r2.begin(), r2.end()) / kMedianChi2);
   }
 
-  /// sd of shift, turn and size of the whole.
+  /// How well shift, turn and size of the whole are known.
   void offsets(const State& x, const MatrixXd& cov, LedAdjustment& out) const {
     const int n = x.leds.size();
     Vector3 middle = Vector3::Zero();
@@ -462,8 +462,7 @@ class Adjuster {
     const Matrix3 inertia = turn.transpose() * turn;
     const Matrix3 fit = inertia.inverse();
     out.shift_sd_m = (shift.transpose() * cov * shift).diagonal().cwiseSqrt();
-    out.turn_sd_rad =
-        (fit * turn.transpose() * cov * turn * fit).diagonal().cwiseSqrt();
+    out.turn_cov_rad2 = fit * turn.transpose() * cov * turn * fit;
     out.scale_sd = std::sqrt(size.dot(cov * size)) / size.squaredNorm();
   }
 

@@ -50,10 +50,10 @@ struct LedAdjustment {
   Eigen::MatrixXd cov_shape;
   /// sd of the coordinates with the size taken out, too: of the shape alone.
   Eigen::VectorXd form_sd_m;
-  /// sd of that rigid motion, which comes from the prior alone: shift (m) and turn
-  /// (rad) about x, y and z of B through the middle of the LEDs.
+  /// Of that rigid motion, which comes from the prior alone: sd of the shift (m),
+  /// covariance of the turn about x, y and z of B through the middle of the LEDs.
   Vector3 shift_sd_m = Vector3::Zero();
-  Vector3 turn_sd_rad = Vector3::Zero();
+  Matrix3 turn_cov_rad2 = Matrix3::Zero();
   double scale_sd = 0;  ///< Of the size, relative.
 };
 

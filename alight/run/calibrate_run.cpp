@@ -269,6 +269,17 @@ std::string calibration_json(const CalibrateFlightOptions& options,
                     {"moved_m", list(fit.leds.p_BL(i) - options.rig.leds.p_BL(i))},
                     {"frames_alone", fit.alone[n]}});
   }
+  Json thrust{{"told", fit.thrust.has_value()}};
+  if (fit.thrust) {
+    const Vector2 turn = fit.thrust->turn_rad / kDegree;
+    const Vector2 sd = fit.thrust->cov.diagonal().cwiseSqrt() / kDegree;
+    thrust["turned_deg"] = {turn.x(), turn.y()};
+    thrust["sd_deg"] = {sd.x(), sd.y()};
+    thrust["stretches"] = fit.thrust->windows;
+    thrust["follows"] = fit.thrust->follows;
+  } else {
+    thrust["why_not"] = fit.no_thrust;
+  }
   const Json json{{"source", options.source},
                   {"pictures", result.pictures},
                   {"pictures_seen", result.seen},
@@ -285,6 +296,7 @@ std::string calibration_json(const CalibrateFlightOptions& options,
                   {"depth_scale", fit.depth_scale},
                   {"shift_sd_m", list(fit.shift_sd_m)},
                   {"turn_sd_deg", list(fit.turn_sd_rad, 1 / kDegree)},
+                  {"thrust", thrust},
                   {"leds", leds}};
   return json_text(json, 2) + "\n";
 }
