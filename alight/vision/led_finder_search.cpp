@@ -7,6 +7,8 @@
 #include <limits>
 #include <numeric>
 
+#include "alight/vision/wide.h"
+
 namespace alight {
 namespace {
 
@@ -154,8 +156,8 @@ void LedFinder::Search::look_around(BlobSpan blobs, std::size_t n, bool white_is
   }
 }
 
-std::pair<int, double> LedFinder::Search::Around::nearest(float at_x, float at_y,
-                                                          std::size_t color) const {
+ALIGHT_INLINE std::pair<int, double> LedFinder::Search::Around::nearest(
+    float at_x, float at_y, std::size_t color) const {
   // Positive floats compare like their bits; the last bits carry which it was.
   static_assert(kRoom <= 32);
   const Row& far = wrong[color];
@@ -213,7 +215,8 @@ void LedFinder::Search::search_triples(BlobSpan blobs, bool white_is_any,
   }
 }
 
-void LedFinder::Search::guess(std::size_t triple, std::size_t j, std::size_t k) {
+ALIGHT_INLINE void LedFinder::Search::guess_by(std::size_t triple, std::size_t j,
+                                               std::size_t k) {
   work += kThreePoints;
   // As in three_point_poses, about the ray to the first of the three.
   const Corners& c = corners[triple];
@@ -268,6 +271,20 @@ void LedFinder::Search::guess(std::size_t triple, std::size_t j, std::size_t k) 
     keep_guess(out);
   }
 }
+
+void LedFinder::Search::guess(std::size_t triple, std::size_t j, std::size_t k) {
+#if defined(ALIGHT_WIDE)
+  if (is_wide()) return guess_wide(triple, j, k);
+#endif
+  guess_by(triple, j, k);
+}
+
+#if defined(ALIGHT_WIDE)
+ALIGHT_WIDE void LedFinder::Search::guess_wide(std::size_t triple, std::size_t j,
+                                               std::size_t k) {
+  guess_by(triple, j, k);
+}
+#endif
 
 void LedFinder::Search::keep_guess(const Guess& guess) {
   std::size_t worst = 0;

@@ -83,6 +83,8 @@ struct LedFinder::Search {
                       std::size_t last);
   void look_around(BlobSpan blobs, std::size_t n, bool white_is_any);
   void guess(std::size_t triple, std::size_t j, std::size_t k);
+  void guess_wide(std::size_t triple, std::size_t j, std::size_t k);
+  void guess_by(std::size_t triple, std::size_t j, std::size_t k);
   void keep_guess(const Guess& guess);
   /// From guesses to candidates, in `kept`.
   void try_guesses(BlobSpan blobs, bool white_is_any);

@@ -97,17 +97,6 @@ ShapeTable::Side ShapeTable::side(const Vector2& a, const Vector2& b) {
   return {a, along, Vector2(-along.y(), along.x()), sector(e)};
 }
 
-std::size_t ShapeTable::cell(const Side& ab, const Vector2& c) {
-  // f in the frame of the side, the plane drawn into a square.
-  const Vector2 f = c - ab.a;
-  const double along = ab.along.dot(f), across = ab.across.dot(f);
-  constexpr double kHalf = kGrid / 2.0;
-  const double scale = kHalf / (1 + std::max(std::abs(along), std::abs(across)));
-  const auto x = std::min(static_cast<std::size_t>(kHalf + along * scale), kGrid - 1);
-  const auto y = std::min(static_cast<std::size_t>(kHalf + across * scale), kGrid - 1);
-  return (ab.angle * kGrid + y) * kGrid + x;
-}
-
 ShapeTable::ShapeTable(const Camera& camera, const Constellation& leds,
                        double range_min_m, double range_max_m, double tilt_max,
                        const std::function<bool(const Pose&)>& allowed) {

@@ -1,4 +1,6 @@
 #pragma once
+#include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <functional>
 #include <vector>
@@ -44,7 +46,17 @@ class ShapeTable {
  private:
   static constexpr std::size_t kAngles = 32;
   static constexpr std::size_t kGrid = 32;
-  static std::size_t cell(const Side& ab, const Vector2& c);
+  static std::size_t cell(const Side& ab, const Vector2& c) {
+    // f in the frame of the side, the plane drawn into a square.
+    const Vector2 f = c - ab.a;
+    const double along = ab.along.dot(f), across = ab.across.dot(f);
+    constexpr double kHalf = kGrid / 2.0;
+    const double scale = kHalf / (1 + std::max(std::abs(along), std::abs(across)));
+    const auto at = [](double x) {
+      return std::min(static_cast<std::size_t>(static_cast<int>(kHalf + x)), kGrid - 1);
+    };
+    return (ab.angle * kGrid + at(across * scale)) * kGrid + at(along * scale);
+  }
   void widen();
 
   std::size_t words_ = 1;

@@ -5,8 +5,10 @@
 #include <array>
 #include <bit>
 #include <cmath>
+#include <numeric>
 
 #include "alight/vision/pixel.h"
+#include "alight/vision/wide.h"
 
 namespace alight {
 namespace {
@@ -29,36 +31,38 @@ constexpr float kSkirtFrom = 2.3f;  // standard deviations, from any light
 constexpr float kCoreDoubt = 0.3f;  // share of the Gaussian that may be off out there
 constexpr double kSkirtInformationLeast = 1;
 
-constexpr int kLane = 4;         // pixels go through the machine in fours
+constexpr int kLane = 8;         // pixels go through the machine in eights
 constexpr int kPixelsMax = 512;  // a multiple of kLane
 
 /// The pixels around the lights. Past `count`, up to a whole lane, they weigh nothing.
 struct Pixels {
+  static constexpr std::size_t kRoom = kPixelsMax + kLane;
   int count = 0, padded = 0;
-  alignas(16) std::array<float, kPixelsMax> u, v, light, weight;
-  alignas(16) std::array<float, kPixelsMax> full;  // 1: at the sensor's upper end
+  alignas(32) std::array<float, kRoom> u, v, light, weight;
+  alignas(32) std::array<float, kRoom> full;  // 1: at the sensor's upper end
 };
 
 /// Luminance and whether a channel is at its upper end.
-void take(const ImageView& image, int u, int v, float noise, std::size_t at,
-          Pixels& out) {
-  const std::uint8_t* p = image.row(v) + u * image.channels;
-  const float light = luminance_of(p, image.channels);
-  const float mismatch = kMismatch * light;
+inline void take(const std::uint8_t* p, int channels, int u, int v, std::size_t at,
+                 Pixels& out) {
   out.u[at] = static_cast<float>(u);
   out.v[at] = static_cast<float>(v);
-  out.light[at] = light;
-  out.full[at] = grey_of(p, image.channels) >= kCensored ? 1.f : 0.f;
-  out.weight[at] = 1 / (noise + kShot * light + mismatch * mismatch);
+  out.light[at] = luminance_of(p, channels);
+  out.full[at] = grey_of(p, channels) >= kCensored ? 1.f : 0.f;
 }
 
-/// Up to a whole lane.
-void pad(Pixels& out) {
+/// How much each counts; and up to a whole lane.
+void weigh(float noise, Pixels& out) {
   auto count = static_cast<std::size_t>(out.count);
+  for (std::size_t i = 0; i < count; ++i) {
+    const float mismatch = kMismatch * out.light[i];
+    out.weight[i] = 1 / (noise + kShot * out.light[i] + mismatch * mismatch);
+  }
   for (; count % kLane != 0; ++count) {
     out.u[count] = out.u[0];
     out.v[count] = out.v[0];
-    out.light[count] = out.full[count] = out.weight[count] = 0;
+    out.light[count] = out.light[0];
+    out.full[count] = out.weight[count] = 0;
   }
   out.padded = static_cast<int>(count);
 }
@@ -80,37 +84,46 @@ bool gather(const ImageView& image, std::span<const Vector2> starts, double reac
   const int u1 = static_cast<int>(std::ceil(high.x() + reach)) + 1;
   const int v1 = static_cast<int>(std::ceil(high.y() + reach)) + 1;
   const auto reach2 = static_cast<float>(reach * reach);
+  const int channels = image.channels;
   std::size_t count = 0;
   for (int v = v0; v < v1; ++v) {
-    for (int u = u0; u < u1; ++u) {
+    std::array<float, kMaxGroup> u_start, dv2;
+    for (std::size_t k = 0; k < starts.size(); ++k) {
+      const float dv = static_cast<float>(v) - static_cast<float>(starts[k].y());
+      u_start[k] = static_cast<float>(starts[k].x());
+      dv2[k] = dv * dv;
+    }
+    const std::uint8_t* p = image.row(v) + u0 * channels;
+    for (int u = u0; u < u1; ++u, p += channels) {
       bool near = false;
-      for (const Vector2& uv : starts) {
-        const float du = static_cast<float>(u) - static_cast<float>(uv.x());
-        const float dv = static_cast<float>(v) - static_cast<float>(uv.y());
-        near = near || du * du + dv * dv <= reach2;
+      for (std::size_t k = 0; k < starts.size(); ++k) {
+        const float du = static_cast<float>(u) - u_start[k];
+        near |= du * du + dv2[k] <= reach2;
       }
-      if (!near) continue;
-      const auto inside = [&](const ForeignLight& light) { return light.covers(u, v); };
-      if (std::any_of(foreign.begin(), foreign.end(), inside)) continue;
-      if (count == kPixelsMax) return false;
-      take(image, u, v, noise, count++, out);
+      for (const ForeignLight& light : foreign) near = near && !light.covers(u, v);
+      // Taken, and kept if it is near: a branch at each rim would cost more.
+      take(p, channels, u, v, count, out);
+      count += near ? 1 : 0;
+      if (count > kPixelsMax) return false;
     }
   }
   if (count <= 3 * starts.size() + 4) return false;
   out.count = static_cast<int>(count);
-  pad(out);
+  weigh(noise, out);
   return true;
 }
 
 float full_share(const Pixels& pixels) {
-  float full = 0;
-  for (int i = 0; i < pixels.count; ++i)
-    full += pixels.full[static_cast<std::size_t>(i)];
-  return full / static_cast<float>(pixels.count);
+  float lane[kLane] = {};  // whole numbers: their order does not matter
+  for (int i = 0; i < pixels.padded; i += kLane) {
+    for (int k = 0; k < kLane; ++k)
+      lane[k] += pixels.full[static_cast<std::size_t>(i + k)];
+  }
+  return std::accumulate(lane, lane + kLane, 0.0f) / static_cast<float>(pixels.count);
 }
 
 /// exp(x) for x <= 0, to 2e-5; a loop over it needs no library call.
-float exp_of(float x) {
+ALIGHT_INLINE float exp_of(float x) {
   const float t = std::max(x * 1.44269504f, -100.f);
   const int whole = static_cast<int>(t) - 1;  // t <= 0: below t
   const float f = t - static_cast<float>(whole);
@@ -165,99 +178,153 @@ Profile profile(int first, double middle, double height, const PointSpread& spre
   return out;
 }
 
-/// Sum of products over whole lanes, in an order that the machine can keep to.
-float dot(const float* a, const float* b, int n) {
+/// Sum of products over whole lanes, in an order that any machine can keep to.
+ALIGHT_INLINE float dot(const float* a, const float* b, int n) {
   float lane[kLane] = {};
   for (int i = 0; i < n; i += kLane) {
     for (int k = 0; k < kLane; ++k) lane[k] += a[i + k] * b[i + k];
   }
+  for (int k = 0; k < kLane / 2; ++k) lane[k] += lane[k + kLane / 2];
   return (lane[0] + lane[1]) + (lane[2] + lane[3]);
+}
+
+/// What is looked for: lights, the background, and a factor on the point spread's
+/// variance.
+template <int K>
+struct Lights {
+  std::array<Vector2, K> uv;
+  std::array<float, K> height;
+  float back = 0;
+  double width = 1;
+};
+
+/// Normal equations of its parameters: u, v and height of each light, the background,
+/// the width.
+template <int K>
+struct Equations {
+  static constexpr int kBack = 3 * K, kWidth = 3 * K + 1, kN = 3 * K + 2;
+  Eigen::Matrix<float, kN, kN> A;
+  Eigen::Matrix<float, kN, 1> g;
+  double cost = 0;
+};
+
+template <int K>
+ALIGHT_INLINE void equations_of(const Pixels& pixels, const Lights<K>& lights,
+                                const PointSpread& spread, const Vector2& blur,
+                                Equations<K>& out) {
+  using Of = Equations<K>;
+  constexpr int kBack = Of::kBack, kWidth = Of::kWidth, kN = Of::kN;
+  // Derivative by parameter and pixel; residual, weight, and a row of J or r times it.
+  alignas(32) float J[kN][kPixelsMax];
+  alignas(32) float r[kPixelsMax], weight[kPixelsMax], wJ[kPixelsMax];
+  const int padded = pixels.padded;
+  const double s2 = spread.variance_px2 * lights.width;
+  const double a = s2 + blur.x() * blur.x() / 12, c = s2 + blur.y() * blur.y() / 12;
+  const double b = blur.x() * blur.y() / 12;
+  const double det = a * c - b * b;
+  // Inverse of the image's covariance.
+  const auto i_uu = static_cast<float>(c / det), i_vv = static_cast<float>(a / det);
+  const auto i_uv = static_cast<float>(-b / det);
+  const auto grow = static_cast<float>(s2 / 2);
+  const auto skirt = static_cast<float>(spread.skirt);
+  float* const by_width = J[kWidth];
+  for (int i = 0; i < padded; ++i) {
+    r[i] = pixels.light[static_cast<std::size_t>(i)] - lights.back;
+    by_width[i] = 0;
+    J[kBack][i] = 1;
+  }
+  for (int k = 0; k < K; ++k) {
+    const auto at = static_cast<std::size_t>(k);
+    const auto u = static_cast<float>(lights.uv[at].x()),
+               v = static_cast<float>(lights.uv[at].y());
+    const float peak = lights.height[at];
+    float* const J_u = J[3 * k];
+    float* const J_v = J[3 * k + 1];
+    float* const J_h = J[3 * k + 2];
+    for (int i = 0; i < padded; ++i) {
+      const float du = pixels.u[static_cast<std::size_t>(i)] - u;
+      const float dv = pixels.v[static_cast<std::size_t>(i)] - v;
+      const float e_u = i_uu * du + i_uv * dv, e_v = i_uv * du + i_vv * dv;
+      const float x = -0.5f * (du * e_u + dv * e_v);
+      const float core = exp_of(x), wide = skirt * exp_of(kSkirt * x);
+      const float slope = peak * (core + kSkirt * wide);
+      r[i] -= peak * (core + wide);
+      J_u[i] = slope * e_u;
+      J_v[i] = slope * e_v;
+      J_h[i] = core + wide;
+      by_width[i] += slope * grow * (e_u * e_u + e_v * e_v);
+    }
+  }
+  for (int i = 0; i < padded; ++i) {
+    const auto at = static_cast<std::size_t>(i);
+    // A full pixel speaks only against a model that is darker.
+    const float counts = r[i] < 0 ? 1 - pixels.full[at] : 1.f;
+    weight[i] = counts * pixels.weight[at];
+    wJ[i] = weight[i] * r[i];
+  }
+  out.cost = static_cast<double>(dot(wJ, r, padded));
+  for (int p = 0; p < kN; ++p) {
+    for (int i = 0; i < padded; ++i) wJ[i] = weight[i] * J[p][i];
+    out.g[p] = dot(wJ, r, padded);
+    for (int q = 0; q <= p; ++q) out.A(p, q) = out.A(q, p) = dot(wJ, J[q], padded);
+  }
+}
+
+#if defined(ALIGHT_WIDE)
+template <int K>
+ALIGHT_WIDE void equations_wide(const Pixels& pixels, const Lights<K>& lights,
+                                const PointSpread& spread, const Vector2& blur,
+                                Equations<K>& out) {
+  equations_of(pixels, lights, spread, blur, out);
+}
+#endif
+
+template <int K>
+void equations(const Pixels& pixels, const Lights<K>& lights, const PointSpread& spread,
+               const Vector2& blur, Equations<K>& out) {
+#if defined(ALIGHT_WIDE)
+  if (is_wide()) return equations_wide(pixels, lights, spread, blur, out);
+#endif
+  equations_of(pixels, lights, spread, blur, out);
 }
 
 template <int K>
 std::optional<SpotFit> fit(const Pixels& pixels, std::span<const Vector2> starts,
                            std::span<const double> heights, const PointSpread& spread,
                            const Vector2& blur) {
-  constexpr int kBack = 3 * K, kWidth = 3 * K + 1, kN = 3 * K + 2;
+  using Of = Equations<K>;
+  constexpr int kBack = Of::kBack, kWidth = Of::kWidth, kN = Of::kN;
   using Vector = Eigen::Matrix<float, kN, 1>;
   using Matrix = Eigen::Matrix<float, kN, kN>;
 
-  float dark = 255, bright = 0;
-  for (int i = 0; i < pixels.count; ++i) {
-    const float light = pixels.light[static_cast<std::size_t>(i)];
-    dark = std::min(dark, light);
-    bright = std::max(bright, light);
+  float darkest[kLane], brightest[kLane];
+  std::fill_n(darkest, kLane, 255.0f);
+  std::fill_n(brightest, kLane, 0.0f);
+  for (int i = 0; i < pixels.padded; i += kLane) {
+    for (int k = 0; k < kLane; ++k) {
+      const float light = pixels.light[static_cast<std::size_t>(i + k)];
+      darkest[k] = std::min(darkest[k], light);
+      brightest[k] = std::max(brightest[k], light);
+    }
   }
-  std::array<Vector2, K> uv;
-  std::array<float, K> height;
+  const float dark = *std::min_element(darkest, darkest + kLane);
+  const float bright = *std::max_element(brightest, brightest + kLane);
+  Lights<K> lights;
+  auto& [uv, height, back, width] = lights;
   for (int k = 0; k < K; ++k) {
     uv[static_cast<std::size_t>(k)] = starts[static_cast<std::size_t>(k)];
     const auto at = static_cast<std::size_t>(k);
     const bool known = at < heights.size() && heights[at] > 0;
     height[at] = known ? static_cast<float>(heights[at]) : 0.8f * (bright - dark);
   }
-  float back = dark;
-  double width = 1;  // factor on the variance of the point spread
+  back = dark;
 
   SpotFit out;
   out.count = K;
-  Matrix A;
-  Vector g;
-  // Derivative by parameter and pixel; residual, weight, and a row of J or r times it.
-  alignas(16) float J[kN][kPixelsMax];
-  alignas(16) float r[kPixelsMax], weight[kPixelsMax], wJ[kPixelsMax];
-  const int padded = pixels.padded;
-  double cost = 0;
+  Of now;
+  auto& [A, g, cost] = now;
   for (int iteration = 0;; ++iteration) {
-    const double s2 = spread.variance_px2 * width;
-    const double a = s2 + blur.x() * blur.x() / 12, c = s2 + blur.y() * blur.y() / 12;
-    const double b = blur.x() * blur.y() / 12;
-    const double det = a * c - b * b;
-    // Inverse of the image's covariance.
-    const auto i_uu = static_cast<float>(c / det), i_vv = static_cast<float>(a / det);
-    const auto i_uv = static_cast<float>(-b / det);
-    const auto grow = static_cast<float>(s2 / 2);
-    const auto skirt = static_cast<float>(spread.skirt);
-    float* const by_width = J[kWidth];
-    for (int i = 0; i < padded; ++i) {
-      r[i] = pixels.light[static_cast<std::size_t>(i)] - back;
-      by_width[i] = 0;
-      J[kBack][i] = 1;
-    }
-    for (int k = 0; k < K; ++k) {
-      const auto at = static_cast<std::size_t>(k);
-      const auto u = static_cast<float>(uv[at].x()), v = static_cast<float>(uv[at].y());
-      const float peak = height[at];
-      float* const J_u = J[3 * k];
-      float* const J_v = J[3 * k + 1];
-      float* const J_h = J[3 * k + 2];
-      for (int i = 0; i < padded; ++i) {
-        const float du = pixels.u[static_cast<std::size_t>(i)] - u;
-        const float dv = pixels.v[static_cast<std::size_t>(i)] - v;
-        const float e_u = i_uu * du + i_uv * dv, e_v = i_uv * du + i_vv * dv;
-        const float x = -0.5f * (du * e_u + dv * e_v);
-        const float core = exp_of(x), wide = skirt * exp_of(kSkirt * x);
-        const float slope = peak * (core + kSkirt * wide);
-        r[i] -= peak * (core + wide);
-        J_u[i] = slope * e_u;
-        J_v[i] = slope * e_v;
-        J_h[i] = core + wide;
-        by_width[i] += slope * grow * (e_u * e_u + e_v * e_v);
-      }
-    }
-    for (int i = 0; i < padded; ++i) {
-      const auto at = static_cast<std::size_t>(i);
-      // A full pixel speaks only against a model that is darker.
-      const float counts = r[i] < 0 ? 1 - pixels.full[at] : 1.f;
-      weight[i] = counts * pixels.weight[at];
-      wJ[i] = weight[i] * r[i];
-    }
-    cost = static_cast<double>(dot(wJ, r, padded));
-    for (int p = 0; p < kN; ++p) {
-      for (int i = 0; i < padded; ++i) wJ[i] = weight[i] * J[p][i];
-      g[p] = dot(wJ, r, padded);
-      for (int q = 0; q <= p; ++q) A(p, q) = A(q, p) = dot(wJ, J[q], padded);
-    }
+    equations(pixels, lights, spread, blur, now);
     const auto share2 = static_cast<float>(spread.share_sd * spread.share_sd);
     constexpr auto back2 = static_cast<float>(kBackgroundSd * kBackgroundSd);
     A(kBack, kBack) += 1 / back2;
@@ -322,7 +389,10 @@ std::optional<SpotFit> fit(const Pixels& pixels, std::span<const Vector2> starts
   }
   const Eigen::LLT<Eigen::Matrix<double, K + 2, K + 2>> nn(H_nn);
   if (nn.info() != Eigen::Success) return std::nullopt;
-  out.information = H_pp - H_pn * nn.solve(H_pn.transpose());
+  // Column by column: all together Eigen solves them as it does large ones.
+  Eigen::Matrix<double, K + 2, 2 * K> told;
+  for (int i = 0; i < 2 * K; ++i) told.col(i) = nn.solve(H_pn.row(i).transpose());
+  out.information = H_pp - H_pn.lazyProduct(told);
   out.variance_px2 = spread.variance_px2 * width;
   out.variance_information =
       (H(kWidth, kWidth) - 1 / (spread.share_sd * spread.share_sd)) /
@@ -377,14 +447,15 @@ std::optional<SkirtLook> look_at_skirt(const ImageView& image, const Vector2& mi
   Pixels pixels;
   std::size_t count = 0;
   for (int v = v0; v <= v0 + 2 * kSkirtBox; ++v) {
-    for (int u = u0; u <= u0 + 2 * kSkirtBox; ++u) {
-      take(image, u, v, noise, count++, pixels);
+    const std::uint8_t* p = image.row(v) + u0 * image.channels;
+    for (int u = u0; u <= u0 + 2 * kSkirtBox; ++u, p += image.channels) {
+      take(p, image.channels, u, v, count++, pixels);
     }
   }
   pixels.count = static_cast<int>(count);
-  pad(pixels);
+  weigh(noise, pixels);
   const int padded = pixels.padded;
-  alignas(16) float core[kPixelsMax], wide[kPixelsMax], one[kPixelsMax];
+  alignas(32) float core[kPixelsMax], wide[kPixelsMax], one[kPixelsMax];
   for (int i = 0; i < padded; ++i) {
     const auto at = static_cast<std::size_t>(i);
     core[i] = wide[i] = 0;
@@ -408,7 +479,7 @@ std::optional<SkirtLook> look_at_skirt(const ImageView& image, const Vector2& mi
     }
   }
   // Least squares over an even background and the skirt.
-  alignas(16) float rest[kPixelsMax], weighted[kPixelsMax];
+  alignas(32) float rest[kPixelsMax], weighted[kPixelsMax];
   for (int i = 0; i < padded; ++i) {
     const auto at = static_cast<std::size_t>(i);
     const float doubt = kCoreDoubt * core[i];
