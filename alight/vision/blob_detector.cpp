@@ -279,8 +279,8 @@ LedColor BlobDetector::hue(const Part& part, const ImageView& image) const {
   for (int v = v0; v < v1; v += step_v) {
     for (int u = u0; u < u1; u += step_u) {
       const std::uint8_t* p = image.row(v) + 3 * u;
-      if (std::max({p[0], p[1], p[2]}) < dark) continue;
-      const int w = 255 - std::min({p[0], p[1], p[2]});
+      const int least = std::min<int>(std::min<int>(p[0], p[1]), p[2]);
+      const int w = grey_of(p, 3) < dark ? 0 : 255 - least;
       total += w;
       b += w * p[0];
       g += w * p[1];

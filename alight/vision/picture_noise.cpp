@@ -35,20 +35,20 @@ class CountedMedian {
   std::array<int, 256> counts_{};
 };
 
-}  // namespace
-
-int PictureNoise::threshold() const {
-  return dark + static_cast<int>(std::ceil(kSds * grey_sd));
-}
-
-PictureNoise picture_noise(const ImageView& picture) {
+template <int kChannels>
+PictureNoise noise_of(const ImageView& picture) {
   CountedMedian grey, grey_steps, luminance_steps;
-  const int channels = picture.channels;
+  constexpr int channels = kChannels;
   const int room = std::max(picture.width - kAside, 1);
+  std::array<int, kGrid> first;  // column of each, in the first row
+  for (int j = 0; j < kGrid; ++j) {
+    first[static_cast<std::size_t>(j)] = (2 * j + 1) * room / (2 * kGrid);
+  }
   for (int i = 0; i < kGrid; ++i) {
     const std::uint8_t* row = picture.row((2 * i + 1) * picture.height / (2 * kGrid));
-    for (int j = 0; j < kGrid; ++j) {
-      const int u = ((2 * j + 1) * room / (2 * kGrid) + i * kShift) % room;
+    for (int u : first) {
+      u += i * kShift;
+      if (u >= room) u %= room;
       const int aside = std::min(u + kAside, picture.width - 1);
       const std::uint8_t* a = row + u * channels;
       const std::uint8_t* b = row + aside * channels;
@@ -68,6 +68,16 @@ PictureNoise picture_noise(const ImageView& picture) {
       kSdPerMedian * static_cast<double>(kLuminanceStep) * luminance_steps.of(n);
   noise.luminance_variance = sd * sd;
   return noise;
+}
+
+}  // namespace
+
+int PictureNoise::threshold() const {
+  return dark + static_cast<int>(std::ceil(kSds * grey_sd));
+}
+
+PictureNoise picture_noise(const ImageView& picture) {
+  return picture.channels == 1 ? noise_of<1>(picture) : noise_of<3>(picture);
 }
 
 }  // namespace alight

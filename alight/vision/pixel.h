@@ -7,7 +7,8 @@ namespace alight {
 /// Grey of the pixel at `p` as LEDs are looked for: of its brightest channel, so that a
 /// blue or red light counts as much as a green one. `channels` as ImageView's.
 inline int grey_of(const std::uint8_t* p, int channels) {
-  return channels == 1 ? p[0] : std::max({p[0], p[1], p[2]});
+  // Which one it is cannot be foretold: no branches.
+  return channels == 1 ? p[0] : std::max<int>(std::max<int>(p[0], p[1]), p[2]);
 }
 
 /// Luminance of the pixel at `p` (ITU-R BT.601), grey levels.
