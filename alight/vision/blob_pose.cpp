@@ -2,6 +2,7 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
+#include <bit>
 #include <cmath>
 
 namespace alight {
@@ -27,33 +28,42 @@ bool linearize(const Camera& camera, const Constellation& leds,
   const Matrix3 R_CN = camera.X_NC.linear().transpose();
   const Matrix3 R_CB = R_CN * X_NB.linear();
   const Vector3 p_CB = R_CN * (X_NB.translation() - camera.X_NC.translation());
+  const auto image_of = [&](const Vector3& p, Vector2& uv, Matrix26& J) {
+    Matrix23 D;
+    const auto image = camera.intrinsics.project(Vector3(p_CB + R_CB * p), D);
+    if (!image) return false;
+    uv = *image;
+    J.leftCols<3>().noalias() = D * R_CN;
+    const Matrix23 DR = D * R_CB;
+    // DR * -[p]x, column by column.
+    J.col(3) = DR.col(2) * p.y() - DR.col(1) * p.z();
+    J.col(4) = DR.col(0) * p.z() - DR.col(2) * p.x();
+    J.col(5) = DR.col(1) * p.x() - DR.col(0) * p.y();
+    return true;
+  };
   for (const BlobTerm& term : terms) {
     Vector2 uv[kMaxLeds];
     Matrix26 J[kMaxLeds];
     Vector2 mean = Vector2::Zero();
     Matrix26 J_mean = Matrix26::Zero();
     int n = 0;
-    for (int i = 0; i < leds.size(); ++i) {
-      if (((term.leds >> i) & 1) == 0) continue;
-      const Vector3& p = leds.p_BL(i);
-      Matrix23 D;
-      const auto image = camera.intrinsics.project(Vector3(p_CB + R_CB * p), D);
-      if (!image) return false;
-      uv[n] = *image;
-      J[n].leftCols<3>().noalias() = D * R_CN;
-      const Matrix23 DR = D * R_CB;
-      // DR * -[p]x, column by column.
-      J[n].col(3) = DR.col(2) * p.y() - DR.col(1) * p.z();
-      J[n].col(4) = DR.col(0) * p.z() - DR.col(2) * p.x();
-      J[n].col(5) = DR.col(1) * p.x() - DR.col(0) * p.y();
-      mean += uv[n];
-      J_mean += J[n];
-      ++n;
+    double share = 1;
+    if (std::has_single_bit(term.leds)) {  // as most have
+      if (!image_of(leds.p_BL(std::countr_zero(term.leds)), mean, J_mean)) return false;
+      n = 1;
+    } else {
+      for (int i = 0; i < leds.size(); ++i) {
+        if (((term.leds >> i) & 1) == 0) continue;
+        if (!image_of(leds.p_BL(i), uv[n], J[n])) return false;
+        mean += uv[n];
+        J_mean += J[n];
+        ++n;
+      }
+      if (n == 0) return false;
+      share = 1.0 / n;
+      mean *= share;
+      J_mean *= share;
     }
-    if (n == 0) return false;
-    const double share = 1.0 / n;
-    mean *= share;
-    J_mean *= share;
     const Vector2 r = term.uv - mean;
     const Matrix2 W = term.cov.inverse();
     const Matrix26 WJ = W * J_mean;

@@ -223,21 +223,37 @@ LedFrame LedTracker::track(BlobSpan blobs, const Pose& X_NB_predicted,
   const auto agrees = [&](const Blob& blob, int i) {
     return !config_.use_color || colors_agree(blob.color, leds_.color(i), white_is_any);
   };
+  std::array<Vector2, Near::capacity()> near_uv;
+  std::array<std::uint16_t, Near::capacity()> near_fits;  // the LEDs that it may show
+  for (std::size_t m = 0; m < near.size(); ++m) {
+    const Blob& blob = blobs[static_cast<std::size_t>(near[m])];
+    near_uv[m] = blob.uv;
+    near_fits[m] = 0;
+    for (int i = 0; i < leds_.size(); ++i) {
+      near_fits[m] = static_cast<std::uint16_t>(near_fits[m] | agrees(blob, i) << i);
+    }
+  }
+  const double turn_most = config_.gate_sd * turn_sd;
+  const double slope_most = turn_most < 1.5 ? 1.001 * std::tan(turn_most) : 0;
   Shift best;
   double best_score = -1e9;
   const auto offer = [&](const Shift& s) {
-    const double growth = (std::hypot(s.re, s.im) - 1) / scale_sd;
-    const double turn = std::atan2(s.im, s.re) / turn_sd;
+    // Most are turned too far, or too far off to be better whatever they explain.
+    if (slope_most > 0 && !(std::abs(s.im) <= slope_most * s.re)) return;
+    const double growth = (std::sqrt(s.re * s.re + s.im * s.im) - 1) / scale_sd;
     const double far = s.shift.dot(W * s.shift);
-    if (far > 2 * gate2 || growth * growth > gate2 || turn * turn > gate2) return;
+    if (far > 2 * gate2 || growth * growth > gate2) return;
+    if (leds_.size() - 0.08 * (far + growth * growth) < best_score) return;
+    const double turn = std::atan2(s.im, s.re) / turn_sd;
+    if (turn * turn > gate2) return;
     double score = -0.08 * (far + growth * growth + turn * turn);
     for (int i = 0; i < leds_.size(); ++i) {
+      if (score + (leds_.size() - i) < best_score) return;
       const Vector2 uv = images.middle + s(from_middle[static_cast<std::size_t>(i)]);
       double nearest = fine2;
-      for (const int j : near) {
-        const Blob& blob = blobs[static_cast<std::size_t>(j)];
-        const double d2 = (blob.uv - uv).squaredNorm();
-        if (d2 < nearest && agrees(blob, i)) nearest = d2;
+      for (std::size_t m = 0; m < near.size(); ++m) {
+        const double d2 = (near_uv[m] - uv).squaredNorm();
+        if (d2 < nearest && ((near_fits[m] >> i) & 1)) nearest = d2;
       }
       score += 1 - nearest / fine2;
     }
@@ -249,10 +265,9 @@ LedFrame LedTracker::track(BlobSpan blobs, const Pose& X_NB_predicted,
   offer({});
   for (int i = 0; i < leds_.size(); ++i) {
     const Vector2 q_i = from_middle[static_cast<std::size_t>(i)];
-    for (const int a : near) {
-      const Blob& blob_a = blobs[static_cast<std::size_t>(a)];
-      const Vector2 r_a = blob_a.uv - images.middle;
-      if (!agrees(blob_a, i) || (r_a - q_i).norm() > slack) continue;
+    for (std::size_t a = 0; a < near.size(); ++a) {
+      const Vector2 r_a = near_uv[a] - images.middle;
+      if (!((near_fits[a] >> i) & 1) || (r_a - q_i).norm() > slack) continue;
       Shift plain;
       plain.shift = r_a - q_i;
       offer(plain);
@@ -261,10 +276,9 @@ LedFrame LedTracker::track(BlobSpan blobs, const Pose& X_NB_predicted,
         const double qq = q.squaredNorm();
         // Two images close together say little of size and direction.
         if (qq < 0.25 * images.size_px * images.size_px || qq < 4) continue;
-        for (const int b : near) {
-          const Blob& blob_b = blobs[static_cast<std::size_t>(b)];
-          if (b == a || !agrees(blob_b, k)) continue;
-          const Vector2 r = blob_b.uv - blob_a.uv;
+        for (std::size_t b = 0; b < near.size(); ++b) {
+          if (b == a || !((near_fits[b] >> k) & 1)) continue;
+          const Vector2 r = near_uv[b] - near_uv[a];
           Shift s;
           s.re = q.dot(r) / qq;
           s.im = (q.x() * r.y() - q.y() * r.x()) / qq;

@@ -74,7 +74,7 @@ void StrayMemory::remember(BlobSpan blobs, const LedImages& leds, bool sure, Tim
     }
     anew_.push_back(s);
   }
-  std::swap(strays_, anew_);
+  strays_ = anew_;
 }
 
 }  // namespace alight
