@@ -218,12 +218,12 @@ Result<MapUpdate> solve(const Camera& camera, const Constellation& leds,
     }
     T.noalias() -= picture.M.lazyProduct(bias->topRows<6>());
     Eigen::Matrix<double, N, Eigen::Dynamic, 0, N, 3 * kMaxLeds> change_N(N, columns);
-    change_N.noalias() = A_inverse.template leftCols<6>() * T;
+    change_N.noalias() = A_inverse.template leftCols<6>().lazyProduct(T);
     if constexpr (N == 9) {
       change_N.noalias() -= A_inverse.template rightCols<3>() *
                             (bias->middleRows<3>(6) / options.velocity_variance);
     }
-    bias->bottomRows<kRest>().noalias() += GJ * change_N;
+    bias->bottomRows<kRest>().noalias() += GJ.lazyProduct(change_N);
     bias->topRows<N>() += change_N;
   }
   return done;

@@ -251,7 +251,7 @@ RelativeFilter::TurnRate RelativeFilter::unknown_turn() {
 RelativeFilter::TurnRate RelativeFilter::predict_turn(Seconds dt, const Matrix15& F,
                                                       Matrix15& P) const {
   // R turns by the rate: P += F C' B' + B C F' + B W B', with B = dt in the rows of R.
-  const Eigen::Matrix<double, 15, 3> carried = F * turn_.cross.transpose();
+  const Eigen::Matrix<double, 15, 3> carried = F.lazyProduct(turn_.cross.transpose());
   P.middleCols<3>(3) += dt * carried;
   P.middleRows<3>(3) += dt * carried.transpose();
   P.block<3, 3>(3, 3) += dt * dt * turn_.P;
@@ -272,7 +272,8 @@ void RelativeFilter::learn_turn(const MotionState& next, const Matrix15& P) {
   const Vector6 e = boxminus(next.x, state_.x).head<6>();
   const Matrix6 P_prior = P_.topLeftCorner<6, 6>();
   const Eigen::Matrix<double, 3, 6> G =
-      P_prior.llt().solve(turn_.cross.leftCols<6>().transpose()).transpose();
+      solve_small<6, 3>(P_prior.llt(), turn_.cross.leftCols<6>().transpose())
+          .transpose();
   const Eigen::Matrix<double, 6, 15> change = P.topRows<6>() - P_.topRows<6>();
   const Matrix3 W = turn_.P + G * change.leftCols<6>() * G.transpose();
   if (!(e.tail<3>().norm() < kTurnAside && W.diagonal().minCoeff() > 0)) {

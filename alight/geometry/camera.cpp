@@ -28,8 +28,8 @@ Vector2 distort(const std::array<double, 5>& d, const Vector2& n, Matrix2* D) {
 }  // namespace
 
 bool Intrinsics::has_distortion() const {
-  return std::any_of(distortion.begin(), distortion.end(),
-                     [](double k) { return k != 0; });
+  const auto [k1, k2, p1, p2, k3] = distortion;
+  return k1 != 0 || k2 != 0 || p1 != 0 || p2 != 0 || k3 != 0;
 }
 
 std::optional<Vector2> Intrinsics::project(const Vector3& p_CL) const {
@@ -85,7 +85,11 @@ std::optional<Vector2> project_led(const Camera& camera, const Pose& X_NB,
   if (uv) {
     const Matrix23 duv_dpN = duv_dp * R_CN;
     J->leftCols<3>() = duv_dpN;
-    J->rightCols<3>() = -duv_dpN * X_NB.linear() * hat(p_BL);
+    // duv_dpB * -[p_BL]x, column by column.
+    const Matrix23 duv_dpB = duv_dpN * X_NB.linear();
+    J->col(3) = duv_dpB.col(2) * p_BL.y() - duv_dpB.col(1) * p_BL.z();
+    J->col(4) = duv_dpB.col(0) * p_BL.z() - duv_dpB.col(2) * p_BL.x();
+    J->col(5) = duv_dpB.col(1) * p_BL.x() - duv_dpB.col(0) * p_BL.y();
   }
   return uv;
 }
