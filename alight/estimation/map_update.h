@@ -20,6 +20,8 @@ struct MeasuredImage {
 /// Images with their common noise, ready for the update: one, or those of a
 /// OverlappingLeds.
 struct PictureMeasurement {
+  PictureMeasurement() {}  // Leaves the room for information as it is: it is large.
+
   FixedVector<MeasuredImage, kMaxGroup> images;
   /// px^-2, of what is drawn anew in each picture; need not be of full rank.
   GroupMatrix information = Matrix2::Identity();
