@@ -85,6 +85,7 @@ LedFinder::Search::Search(const LedFinderConfig& config_in, const Camera& camera
              [this](const Pose& X_NB) { return plausible(X_NB); }),
       neighbours(2 * kMaxBlobs) {
   split.reserve(2 * kMaxBlobs);
+  whole.reserve(2 * kMaxBlobs);
   usable.reserve(kMaxBlobs);
   seeds.reserve(2 * kMaxBlobs);
   by_distance.reserve(2 * kMaxBlobs);

@@ -13,6 +13,7 @@ namespace {
 constexpr double kHopeless = 100;         // -2 log likelihood behind the best so far
 constexpr double kBrighter = 1.2;         // a light than its image in the pad
 constexpr double kRigDof = 2;             // of what is known of the rig's exactness
+constexpr int kTakenOver = 3;             // times that a challenger takes the lead
 constexpr double kAside = 0.5;            // share of the constellation's size by which
                                           // a blob may be another LED's
 constexpr double kPositionShare = 0.035;  // sd of the range, as a share of it
@@ -384,9 +385,9 @@ Result<FoundLeds> LedFinder::Search::decide(BlobSpan blobs, bool white_is_any, T
     }
   }
   if (best == nullptr) return fail(Fault::too_few_points);
-  const Candidate& chosen = best->candidate;
-  most_blobs = chosen.assignment.blobs;
-  if (best->fit.rms_px > std::max(config.rms_max_px, 3 * image_sd(chosen.X_NB)) ||
+  most_blobs = best->candidate.assignment.blobs;
+  if (best->fit.rms_px >
+          std::max(config.rms_max_px, 3 * image_sd(best->candidate.X_NB)) ||
       log_false_alarms(blobs, *best) > std::log(config.false_alarms_max)) {
     challengers.clear();
     leave_open(blobs, Settled(*best));
@@ -394,9 +395,27 @@ Result<FoundLeds> LedFinder::Search::decide(BlobSpan blobs, bool white_is_any, T
   }
 
   FoundLeds found;
-  found.score = chosen.score;
   found.runner_up_score = std::numeric_limits<double>::infinity();
-  challenge(blobs, white_is_any, *best);
+  // Who beats the one he challenges takes his place.
+  Settled leader = *best;
+  challenge(blobs, white_is_any, leader);
+  for (int n = 0; n < kTakenOver; ++n) {
+    const Settled* better = nullptr;
+    double most = 0;
+    for (const Settled& s : challengers) {
+      if (const double l = lead(leader, s); l < most) {
+        most = l;
+        better = &s;
+      }
+    }
+    if (better == nullptr) break;
+    (void)settled.push_back(leader);
+    leader = *better;
+    challenge(blobs, white_is_any, leader);
+  }
+  best = &leader;
+  const Candidate& chosen = leader.candidate;
+  found.score = chosen.score;
   const auto oppose = [&](const Settled& other) {
     const double score = found.score + lead(*best, other);
     if (score >= found.runner_up_score || same_answer(blobs, chosen, other.candidate)) {

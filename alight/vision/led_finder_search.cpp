@@ -13,10 +13,12 @@ namespace alight {
 namespace {
 
 /// Three points to a first pose: how far its other LEDs may be off, as a share of the
-/// constellation's size, and more the larger it stands in view.
+/// constellation's size, and more the larger it stands in view,
 constexpr double kRoughShare = 0.06, kPerspective = 0.6;
-constexpr double kSameUp = 0.95;    // cosine: two guesses at the same pose
-constexpr double kGuessMargin = 2;  // LEDs explained less than by the best guess
+constexpr int kPerspectiveSteps = 2;  // until so many have taken that away.
+constexpr double kSameUp = 0.95;      // cosine: two guesses at the same pose
+constexpr double kGuessMargin = 2;    // LEDs explained less than by the best guess
+constexpr double kShared = 0.5;       // cost of an LED that has no light of its own
 constexpr double kFineShare = 0.05;
 /// Stretch, in its sd, from which a blob may be two LEDs that stand out from one.
 constexpr double kLong = 2;
@@ -31,7 +33,10 @@ constexpr int kLookUp = 1, kThreePoints = 4, kMatch = 100, kFit = 500;
 void LedFinder::Search::split_long(BlobSpan blobs) {
   split.assign(blobs.begin(), blobs.end());
   whole_blobs = split.size();
-  for (const Blob& blob : blobs) {
+  whole.resize(whole_blobs);
+  std::iota(whole.begin(), whole.end(), 0);
+  for (std::size_t j = 0; j < whole_blobs; ++j) {
+    const Blob& blob = blobs[j];
     const Vector2 stretch = stretch_of(blob.spread);
     const double length = stretch.norm();
     if (blob.area_px > 100 || length < kLong * stretch_sd(blob, 0, 0)) continue;
@@ -45,6 +50,7 @@ void LedFinder::Search::split_long(BlobSpan blobs) {
       part.cov += 0.1 * Matrix2::Identity();
       part.spread -= length * along * along.transpose();
       split.push_back(part);
+      whole.push_back(static_cast<int>(j));
     }
   }
 }
@@ -153,10 +159,14 @@ void LedFinder::Search::look_around(BlobSpan blobs, std::size_t n, bool white_is
                          colors_agree(seen, static_cast<LedColor>(color), white_is_any);
       around.wrong[color][m] = agree ? 0.0f : 1e6f;
     }
+    const int light = whole[static_cast<std::size_t>(around.blob[m])];
+    std::size_t first = 0;
+    while (whole[static_cast<std::size_t>(around.blob[first])] != light) ++first;
+    around.light[m] = std::uint32_t{1} << first;
   }
 }
 
-ALIGHT_INLINE std::pair<int, double> LedFinder::Search::Around::nearest(
+ALIGHT_INLINE std::pair<std::size_t, double> LedFinder::Search::Around::nearest(
     float at_x, float at_y, std::size_t color) const {
   // Positive floats compare like their bits; the last bits carry which it was.
   static_assert(kRoom <= 32);
@@ -167,7 +177,7 @@ ALIGHT_INLINE std::pair<int, double> LedFinder::Search::Around::nearest(
     const auto bits = std::bit_cast<std::int32_t>(dx * dx + dy * dy + far[m]);
     best = std::min(best, (bits & ~31) | static_cast<std::int32_t>(m));
   }
-  return {blob[static_cast<std::size_t>(best & 31)],
+  return {static_cast<std::size_t>(best & 31),
           static_cast<double>(std::bit_cast<float>(best & ~31))};
 }
 
@@ -215,59 +225,107 @@ void LedFinder::Search::search_triples(BlobSpan blobs, bool white_is_any,
   }
 }
 
+namespace {
+
+/// Three LEDs as scaled orthographic projection has them: the images of the second and
+/// third, seen from the first along the ray to it, and how deep they then lie behind
+/// it, all in units of its distance.
+struct ThreeSeen {
+  double ex, ey, fx, fy;  // tangents
+  double s = 0, h = 0, d = 0;
+  double normal_x = 0, normal_y = 0, normal_z = 0;
+
+  template <class Sides>
+  bool solve(const Sides& c) {
+    const double ee = ex * ex + ey * ey, ff = fx * fx + fy * fy, ef = ex * fx + ey * fy;
+    const double B = c.aa * ff + c.bb * ee - 2 * c.ab * ef;
+    const double C = ee * ff - ef * ef;
+    const double s2 =
+        (B + std::sqrt(std::max(B * B - 4 * c.det * C, 0.0))) / (2 * c.det);
+    if (!(s2 > 0)) return false;
+    s = std::sqrt(s2);
+    h = std::sqrt(std::max(s2 * c.aa - ee, 0.0));
+    d = std::sqrt(std::max(s2 * c.bb - ff, 0.0));
+    if (s2 * c.ab - ef < 0) d = -d;
+    return true;
+  }
+  void find_normal() {
+    normal_x = (ey * d - h * fy) / s;
+    normal_y = (h * fx - ex * d) / s;
+    normal_z = (ex * fy - ey * fx) / s;
+  }
+  Vector3 place(const Vector3& at, double sign) const {
+    return {at.x() * ex + at.y() * fx + at.z() * sign * normal_x,
+            at.x() * ey + at.y() * fy + at.z() * sign * normal_y,
+            sign * (at.x() * h + at.y() * d) + at.z() * normal_z};
+  }
+};
+
+}  // namespace
+
 ALIGHT_INLINE void LedFinder::Search::guess_by(std::size_t triple, std::size_t j,
                                                std::size_t k) {
   work += kThreePoints;
   // As in three_point_poses, about the ray to the first of the three.
   const Corners& c = corners[triple];
-  const double ex = around.x[j], ey = around.y[j], fx = around.x[k], fy = around.y[k];
-  const double ee = ex * ex + ey * ey, ff = fx * fx + fy * fy, ef = ex * fx + ey * fy;
-  const double B = c.aa * ff + c.bb * ee - 2 * c.ab * ef;
-  const double C = ee * ff - ef * ef;
-  const double s2 = (B + std::sqrt(std::max(B * B - 4 * c.det * C, 0.0))) / (2 * c.det);
+  ThreeSeen three{around.x[j], around.y[j], around.x[k], around.y[k]};
+  if (!three.solve(c)) return;
   // 1.4 and 0.7: what the projection makes of a near drone's range.
-  const double far = config.range_max_m / 0.7, near = config.range_min_m / 1.4;
-  if (!(s2 * far * far > 1) || s2 * near * near > 1) return;
-  const double s = std::sqrt(s2), per_s = 1 / s;
-  const double h = std::sqrt(std::max(s2 * c.aa - ee, 0.0));
-  double d = std::sqrt(std::max(s2 * c.bb - ff, 0.0));
-  if (s2 * c.ab - ef < 0) d = -d;
-  const double normal_x = (ey * d - h * fy) * per_s,
-               normal_y = (h * fx - ex * d) * per_s;
-  const double normal_z = (ex * fy - ey * fx) * per_s;
-  const double size = s * radius_m;
-  const double reach =
-      2 / camera.intrinsics.fx + size * (kRoughShare + kPerspective * size);
-  const double reach2 = reach * reach;
+  if (!(three.s * config.range_max_m > 0.7 && three.s * config.range_min_m < 1.4)) {
+    return;
+  }
+  three.find_normal();
   const auto n = static_cast<std::size_t>(leds.size());
   const double worst = guesses.full() ? guess_worst : static_cast<double>(n) - 3.5;
-  for (const double sign : {1.0, -1.0}) {
-    const Vector3 up_V =
-        Vector3(c.up.x() * ex + c.up.y() * fx + c.up.z() * sign * normal_x,
-                c.up.x() * ey + c.up.y() * fy + c.up.z() * sign * normal_y,
-                sign * (c.up.x() * h + c.up.y() * d) + c.up.z() * normal_z) *
-        per_s;
+  const auto weigh = [&](const ThreeSeen& seen, double sign, bool exact,
+                         Guess& out) __attribute__((always_inline)) {
+    const Vector3 up_V = seen.place(c.up, sign) / seen.s;
     const double up = up_V.dot(around.up_V);
-    if (up < cos_tilt_most) continue;
-    Guess out;
+    if (up < cos_tilt_most) return false;
+    const double size = seen.s * radius_m;
+    const double reach = 2 / camera.intrinsics.fx +
+                         size * (kRoughShare + (exact ? 0 : kPerspective * size));
+    const double reach2 = reach * reach;
     out.cost = 0.1 * (1 - up);
+    out.up_C = around.R_CV * up_V;
+    std::uint32_t lights = 0;
     for (std::size_t l = 0; l < n; ++l) {
-      const Vector3& at = c.place[l];
-      const auto [blob, d2] = around.nearest(
-          static_cast<float>(at.x() * ex + at.y() * fx + at.z() * sign * normal_x),
-          static_cast<float>(at.x() * ey + at.y() * fy + at.z() * sign * normal_y),
-          static_cast<std::size_t>(leds.leds[l].color));
+      Vector3 at = seen.place(c.place[l], sign);
+      if (exact) at /= std::max(1 + at.z(), 0.1);
+      const auto [m, d2] =
+          around.nearest(static_cast<float>(at.x()), static_cast<float>(at.y()),
+                         static_cast<std::size_t>(leds.leds[l].color));
       const bool explained = d2 < reach2;
       out.cost += explained ? d2 / reach2 : 1.0;
-      out.blob[l] = static_cast<std::int16_t>(explained ? blob : -1);
+      out.blob[l] = static_cast<std::int16_t>(explained ? around.blob[m] : -1);
+      // LEDs may share a light, but a light that has one is worth less to the next.
+      if (explained && (lights & around.light[m]) != 0) out.cost += kShared;
+      if (explained) lights |= around.light[m];
       ++work;
-      if (out.cost >= worst) break;
+      if (out.cost >= worst) return false;
     }
-    if (out.cost >= worst) continue;
+    return std::popcount(lights) >= 4;
+  };
+  for (const double sign : {1.0, -1.0}) {
+    Guess out;
+    if (!weigh(three, sign, false, out)) continue;
+    // What is near stands wide apart in view, and most lights are near to where rough
+    // places of LEDs then are: as far as these are off by perspective, it is known how.
+    work += kPerspectiveSteps * kThreePoints;
+    ThreeSeen exact = three;
+    for (int step = 0; step < kPerspectiveSteps; ++step) {
+      const double behind_j = 1 + sign * exact.h, behind_k = 1 + sign * exact.d;
+      exact.ex = three.ex * behind_j;
+      exact.ey = three.ey * behind_j;
+      exact.fx = three.fx * behind_k;
+      exact.fy = three.fy * behind_k;
+      if (!(behind_j > 0 && behind_k > 0) || !exact.solve(c)) break;
+    }
+    exact.find_normal();
+    if (!weigh(exact, sign, true, out)) continue;
     out.triple = static_cast<int>(triple);
     out.corner = {around.blob[0], around.blob[j], around.blob[k]};
     out.flipped = sign < 0;
-    out.up_C = around.R_CV * up_V;
     keep_guess(out);
   }
 }

@@ -46,15 +46,17 @@ struct LedFinder::Search {
     static constexpr std::size_t kRoom = 28;  // what stands past `count` is far away
     using Row = std::array<float, kRoom>;
     std::array<int, kRoom> blob;
-    Row x, y;                  // tangents off that ray
-    std::array<Row, 5> wrong;  // by the LED's color: 0 or far
+    Row x, y;                                // tangents off that ray
+    std::array<Row, 5> wrong;                // by the LED's color: 0 or far
+    std::array<std::uint32_t, kRoom> light;  // a bit, the same for parts of one blob
     std::size_t count = 0;
     Vector3 up_V = Vector3::Zero();  // of N
     Matrix3 R_CV = Matrix3::Identity();
 
-    /// The blob nearest to a place that an LED of that color may have made, and the
-    /// square of its distance.
-    std::pair<int, double> nearest(float at_x, float at_y, std::size_t color) const;
+    /// Which of them is nearest to a place that an LED of that color may have made, and
+    /// the square of its distance.
+    std::pair<std::size_t, double> nearest(float at_x, float at_y,
+                                           std::size_t color) const;
   };
   struct Candidate {
     double score = 0;
@@ -136,6 +138,7 @@ struct LedFinder::Search {
 
   std::vector<Blob> split;
   std::size_t whole_blobs = 0;               // of those in `split`; the rest are parts
+  std::vector<int> whole;                    // which blob each of `split` is of
   std::vector<int> usable;                   // blobs some LED may have made
   std::vector<int> seeds;                    // and after them the parts
   std::vector<std::vector<int>> neighbours;  // by index into `seeds`
