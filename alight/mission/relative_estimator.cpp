@@ -13,6 +13,7 @@ constexpr double kMovedMost = 22.5;
 constexpr double kNearestLens = 0.1;  // m
 constexpr double kSoundNis = 2;       // mean NIS of LEDs seen well, 1 by the model
 constexpr double kUsualMemory = 20;   // fits
+constexpr int kMisfits = 10;          // pictures in a row that show LEDs to be off
 constexpr int kLearnerSteps = 2;      // for each picture that it keeps
 // With no more than these there is little misfit, wherever the LEDs are,
 constexpr int kFewLeds = 3;
@@ -248,8 +249,10 @@ bool RelativeEstimator::fuse(const CameraFrame& frame, const MotionSource& motio
   }
   if (filter_.initialized() && !frozen_) report_state(out);
   // A drone that stands where it is known to stand tells more of its rig than that.
-  learning_ = learning_ || (config_.learn_leds && !expecting_ &&
-                            filter_.led_sd_seen_m() > config_.learn_leds_from_m);
+  // The first pictures' noise looks like LEDs that are off.
+  const bool off = filter_.led_sd_seen_m() > config_.learn_leds_from_m;
+  misfits_ = off ? misfits_ + 1 : 0;
+  learning_ = learning_ || (config_.learn_leds && !expecting_ && misfits_ >= kMisfits);
   if (config_.frozen_pictures > 0) {
     FixedVector<Vector2, kMaxLeds> leds_px;
     if (out.tracked) {

@@ -194,6 +194,8 @@ class RelativeEstimator {
   /// colours, the one found among them; empty if it stands alone. One that fits far
   /// better takes its place.
   Rivals rivals_of(FoundLeds& found) const;
+  /// So few LEDs fit far better as others of their colours, elsewhere.
+  bool misread(const FoundLeds& found) const;
   /// Worst fit of pixels that LEDs as far as they may be off explain.
   double placed_rms_max_px(const Pose& X_NB) const;
   /// Worst fit of a drone that stands where it is expected, by the lens, with LEDs that
@@ -262,7 +264,8 @@ class RelativeEstimator {
   LedErrors errors_;
   Time last_told_of_leds_ = 0;
   LedLearner learner_;
-  bool learning_ = false;    // residuals have shown that LEDs are off
+  int misfits_ = 0;          // pictures in a row whose residuals show LEDs to be off
+  bool learning_ = false;    // they have shown it
   int steps_ = 0;            // that the learner still is to make
   bool leds_moved_ = false;  // finder and rivals do not know of it yet
   // Of fits to five LEDs and more, rms times distance, px m: LEDs that are not where
@@ -295,7 +298,7 @@ class RelativeEstimator {
   StrayMemory strays_;
   bool sure_ = false;           // since it was found LEDs enough left no doubt
   bool ignores_twins_ = false;  // while it expects
-  FixedVector<Blob, kMaxBlobs> no_twins_;
+  FixedVector<Blob, kMaxBlobs> no_twins_, apart_;
   // Images at rest, summed up by LED.
   std::array<Vector2, kMaxLeds> rest_sum_{};
   std::array<int, kMaxLeds> rest_count_{};

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "alight/mission/relative_estimator.h"
+#include "alight/vision/blobs_apart.h"
 
 namespace alight {
 namespace {
@@ -11,6 +12,9 @@ namespace {
 // LEDs taken for others may fit this much worse than the best answer and still be
 // right.
 constexpr double kRivalRms = 3;
+// One that has followed them through pictures is wrong if others fit so many times
+// better.
+constexpr double kMisreadRms = 2;
 // So many lights in the colours of their LEDs are no lamps.
 constexpr int kColored = 3;
 // Pictures in a row with LEDs missing after which the whole picture is searched for a
@@ -60,12 +64,15 @@ void RelativeEstimator::search(const CameraFrame& frame, const MotionSource& mot
     if (found && config_.tell_apart) place_by_pixels(frame, *blobs, *found);
     if (!beyond_doubt(found) && config_.blobs.dim_threshold > 0) {
       // LEDs may be too dim to stand out as what is bright does.
+      apart_.clear();
+      for (const Blob& blob : *blobs) apart_.push_back(blob);
       const auto dim =
           detector_.detect(frame.color, frame.depth, {}, BlobDetector::LookFor::dim);
       if (dim) {
-        blobs = dim;
-        auto again = finder_.find(*dim, frame.captured);
-        if (again && config_.tell_apart) place_by_pixels(frame, *dim, *again);
+        take_apart(*dim, apart_);
+        blobs = BlobSpan(apart_.data(), apart_.size());
+        auto again = finder_.find(*blobs, frame.captured);
+        if (again && config_.tell_apart) place_by_pixels(frame, *blobs, *again);
         found = better(found, again);
       } else {
         blobs = detector_.detect(frame.color, frame.depth);
@@ -108,9 +115,11 @@ void RelativeEstimator::search(const CameraFrame& frame, const MotionSource& mot
       if (!found && open.size() < Rivals::capacity()) open.push_back(rival);
     }
     // Lamps in a row look like white LEDs that are somewhat off, picture after picture.
-    // A drone at rest where it is known to stand does not move either.
+    // A drone at rest where it is known to stand does not move either. So many as leave
+    // no doubt are not somewhat off.
     if (found && config_.keep_rivals && !filter_.initialized() && !expecting_ &&
-        found->in_color < kColored && found->fit.rms_px > config_.placed_sd_px) {
+        found->in_color < kColored && found->fit.rms_px > config_.placed_sd_px &&
+        !beyond_doubt(found)) {
       open.push_back({found->fit.X_NB, found->fit.cov,
                       static_cast<int>(found->frame.seen.size()), true});
       found = fail(Fault::ambiguous);
@@ -123,7 +132,10 @@ void RelativeEstimator::search(const CameraFrame& frame, const MotionSource& mot
       const auto left = rivals_.decide(
           *blobs, frame.captured, {open.data(), open.size()}, tracker_, motion, step_);
       if (left) found = left;
-      if (left && config_.tell_apart) place_by_pixels(frame, *blobs, *found);
+      if (left && config_.tell_apart) {
+        place_by_pixels(frame, *blobs, *found);
+        if (misread(*found)) found = fail(Fault::ambiguous);
+      }
     }
   }
   if (!found) {
@@ -228,6 +240,18 @@ RelativeEstimator::Rivals RelativeEstimator::rivals_of(FoundLeds& found) const {
   }
   if (open.size() == 1) open.clear();
   return open;
+}
+
+bool RelativeEstimator::misread(const FoundLeds& found) const {
+  if (found.frame.seen.size() > PoseDoubt::kFew) return false;
+  OtherPoses others;
+  find_other_poses(camera_, leds_, config_.finder.use_color, finder_,
+                   {found.frame.seen.data(), found.frame.seen.size()}, found.fit.X_NB,
+                   found.fit.rms_px / kMisreadRms, others);
+  return std::any_of(others.begin(), others.end(), [&](const OtherPose& other) {
+    return !near(other.fit.X_NB, found.fit.X_NB, config_.placed_within_m,
+                 config_.placed_within_deg * kDegree);
+  });
 }
 
 void RelativeEstimator::go_on_from(const FoundLeds& found, Time t, FrameReport& out) {
