@@ -17,6 +17,8 @@ constexpr double kRivalRms = 3;
 constexpr double kMisreadRms = 2;
 // So many lights in the colours of their LEDs are no lamps.
 constexpr int kColored = 3;
+// White lights that fit exactly and are so many are none either.
+constexpr std::size_t kNoLamps = 6;
 // Pictures in a row with LEDs missing after which the whole picture is searched for a
 // pose that explains more: then, after twice as many, and so on, at last after every so
 // many.
@@ -115,11 +117,11 @@ void RelativeEstimator::search(const CameraFrame& frame, const MotionSource& mot
       if (!found && open.size() < Rivals::capacity()) open.push_back(rival);
     }
     // Lamps in a row look like white LEDs that are somewhat off, picture after picture.
-    // A drone at rest where it is known to stand does not move either. So many as leave
-    // no doubt are not somewhat off.
+    // A drone at rest where it is known to stand does not move either. Six that fit
+    // exactly are not somewhat off.
     if (found && config_.keep_rivals && !filter_.initialized() && !expecting_ &&
         found->in_color < kColored && found->fit.rms_px > config_.placed_sd_px &&
-        !beyond_doubt(found)) {
+        !(found->frame.seen.size() >= kNoLamps && exact(*found))) {
       open.push_back({found->fit.X_NB, found->fit.cov,
                       static_cast<int>(found->frame.seen.size()), true});
       found = fail(Fault::ambiguous);

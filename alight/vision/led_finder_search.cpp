@@ -15,10 +15,10 @@ namespace {
 /// Three points to a first pose: how far its other LEDs may be off, as a share of the
 /// constellation's size, and more the larger it stands in view,
 constexpr double kRoughShare = 0.06, kPerspective = 0.6;
-constexpr int kPerspectiveSteps = 2;  // until so many have taken that away.
-constexpr double kSameUp = 0.95;      // cosine: two guesses at the same pose
-constexpr double kGuessMargin = 2;    // LEDs explained less than by the best guess
-constexpr double kShared = 0.5;       // cost of an LED that has no light of its own
+constexpr int kPerspectiveSteps = 2;  // until so many have taken that away. LEDs that
+constexpr double kLedSds = 4;       // are off, sd, move the others by so many of them.
+constexpr double kSameUp = 0.95;    // cosine: two guesses at the same pose
+constexpr double kGuessMargin = 2;  // LEDs explained less than by the best guess
 constexpr double kFineShare = 0.05;
 /// Stretch, in its sd, from which a blob may be two LEDs that stand out from one.
 constexpr double kLong = 2;
@@ -283,8 +283,10 @@ ALIGHT_INLINE void LedFinder::Search::guess_by(std::size_t triple, std::size_t j
     const double up = up_V.dot(around.up_V);
     if (up < cos_tilt_most) return false;
     const double size = seen.s * radius_m;
-    const double reach = 2 / camera.intrinsics.fx +
-                         size * (kRoughShare + (exact ? 0 : kPerspective * size));
+    const double skewed = kPerspective * size * size;
+    const double off =
+        exact ? std::min(kLedSds * config.led_sd_m * seen.s, skewed) : skewed;
+    const double reach = 2 / camera.intrinsics.fx + size * kRoughShare + off;
     const double reach2 = reach * reach;
     out.cost = 0.1 * (1 - up);
     out.up_C = around.R_CV * up_V;
@@ -298,8 +300,6 @@ ALIGHT_INLINE void LedFinder::Search::guess_by(std::size_t triple, std::size_t j
       const bool explained = d2 < reach2;
       out.cost += explained ? d2 / reach2 : 1.0;
       out.blob[l] = static_cast<std::int16_t>(explained ? around.blob[m] : -1);
-      // LEDs may share a light, but a light that has one is worth less to the next.
-      if (explained && (lights & around.light[m]) != 0) out.cost += kShared;
       if (explained) lights |= around.light[m];
       ++work;
       if (out.cost >= worst) return false;

@@ -265,6 +265,44 @@ TEST(RelativeEstimator, LampsThatLookNearlyLikeTheDroneAreNotTakenForIt) {
 }
 
 // Four lights go on where the drone was expected; all six LEDs shine elsewhere.
+// LEDs that are washed out, in a picture with noise.
+TEST(RelativeEstimator, WhiteLightsThatFitExactlyStartItAtOnce) {
+  for (unsigned seed = 1; seed <= 20; ++seed) {
+    SCOPED_TRACE(seed);
+    Rng rng(seed);
+    Watch w;
+    const Pose X_NB = Watch::sway(kFrame);
+    w.picture.clear();
+    for (int i = 0; i < w.rig.leds.size(); ++i) {
+      const auto uv = project_led(w.rig.camera, X_NB, w.rig.leds.p_BL(i));
+      ASSERT_TRUE(uv);
+      w.picture.add(*uv + 0.15 * Vector2(rng.normal(), rng.normal()), LedColor::white);
+    }
+    ASSERT_TRUE(w.fuse(kFrame));
+    EXPECT_TRUE(w.report.initialized) << w.report.why_not;
+    EXPECT_LT(w.position_error(), 0.02);
+  }
+}
+
+TEST(RelativeEstimator, AFewNoisyPicturesDoNotSayThatLedsAreOff) {
+  Rng rng(3);
+  Watch w;
+  w.follow(1);
+  for (int k = 0; k < 5; ++k) {
+    w.now += kFrame;
+    w.picture.clear();
+    for (int i = 0; i < w.rig.leds.size(); ++i) {
+      const auto uv = project_led(w.rig.camera, Watch::sway(w.now), w.rig.leds.p_BL(i));
+      ASSERT_TRUE(uv);
+      w.picture.add(*uv + 1.5 * Vector2(rng.normal(), rng.normal()),
+                    w.rig.leds.color(i));
+    }
+    ASSERT_TRUE(w.fuse(w.now));
+  }
+  w.follow(40);
+  std::printf("SD %.5f\n", std::sqrt(w.report.cov.block<3, 3>(0, 0).trace()));
+}
+
 TEST(RelativeEstimator, GoesOverToThePoseThatExplainsMoreLeds) {
   Watch w;
   w.follow(30);

@@ -220,6 +220,41 @@ TEST(LedFinder, KnowingOfThePadKeepsItFromTwins) {
 }
 
 /// The centroid of a light that hangs over the picture's edge is not the light's.
+// Far away LEDs look white, and lamps in rows lie as those of a near drone might,
+// somehow.
+TEST(LedFinder, RowsOfLampsDoNotHideAFarDrone) {
+  const Rig rig = alan_rig();
+  auto finder = LedFinder::create({}, rig.camera, rig.leds);
+  ASSERT_TRUE(finder);
+  int found_count = 0, wrong = 0, total = 0;
+  for (unsigned seed = 0; seed < 60; ++seed) {
+    Rng rng(seed);
+    const Pose X_NB = test::random_pose(rig, rng, 1.8, 2.6);
+    std::vector<Blob> blobs = test::blobs_of(rig, X_NB, rng);
+    if (blobs.size() != 6) continue;
+    blobs.erase(blobs.begin() + seed % 6);
+    for (Blob& blob : blobs) blob.color = LedColor::white;
+    for (int row = 0; row < 2; ++row) {
+      const Vector2 at(rng.uniform(50, 700), rng.uniform(30, 400));
+      const double way = rng.uniform(-0.5, 0.5);
+      const Vector2 along(std::cos(way), std::sin(way));
+      for (int n = 0; n < 6; ++n) {
+        Blob lamp = test::blob_at(at + 14.0 * n * along, LedColor::white, rng);
+        lamp.brightness *= 8;
+        lamp.spread += 6 * along * along.transpose();
+        blobs.push_back(lamp);
+      }
+    }
+    ++total;
+    const auto found = finder->find(blobs);
+    if (!found) continue;
+    ++found_count;
+    wrong += lost(X_NB, found->fit.X_NB);
+  }
+  EXPECT_EQ(wrong, 0);
+  EXPECT_GE(found_count, 0.6 * total);
+}
+
 TEST(LedFinder, UsesNoBlobThatThePicturesEdgeCuts) {
   const Rig rig = alan_rig();
   auto finder = LedFinder::create({}, rig.camera, rig.leds);
