@@ -32,12 +32,14 @@ MotionState extrapolate(const MotionState& state, const PredictionInput& input,
   const Vector3 a_NB = relative_acceleration(platform, p_NB, v_NB,
                                              f_N + unknown_N + gravity_N(platform));
   const double fade = 1 / model.memory_s;
+  // Of what turns d in N.
+  const Vector3 w_d = model.drag ? Vector3(R_NB * input.w_NB_B) : Vector3(-w);
   const Vector3 jerk =
-      f_rate_N + A_v * a_NB + A_p * v_NB - w.cross(state.d_N) - fade * unknown_N;
+      f_rate_N + A_v * a_NB + A_p * v_NB + w_d.cross(state.d_N) - fade * unknown_N;
 
   const double dt2 = 0.5 * dt * dt;
   const double kept = std::exp(-fade * dt);
-  const Matrix3 turn_d = kept * so3_exp(-w * dt);
+  const Matrix3 turn_d = kept * so3_exp(w_d * dt);
   const Matrix3 turn_B = so3_exp(input.w_NB_B * dt);
   MotionState next;
   next.x.p_NB = p_NB + v_NB * dt + a_NB * dt2;
@@ -52,7 +54,7 @@ MotionState extrapolate(const MotionState& state, const PredictionInput& input,
     const Matrix3 J_p = A_v * A_p;
     Matrix3 J_v = A_v * A_v + A_p;
     const Matrix3 J_b = A_v - fade * I;
-    const Matrix3 J_d = J_b - W;
+    const Matrix3 J_d = J_b + hat(w_d);
     Matrix3 B = I;  // what b acts along
     B.col(2) = input.lift_N;
     if (model.drag) {
@@ -77,6 +79,12 @@ MotionState extrapolate(const MotionState& state, const PredictionInput& input,
       const Matrix3 jerk_R = A_v * a_R - R_NB * hat(hover_rate_B);
       F->block<3, 3>(0, 3) = a_R * dt2;
       F->block<3, 3>(6, 3) = a_R * dt + jerk_R * dt2;
+    }
+    if (model.drag) {
+      const Vector3 d_B = R_NB.transpose() * state.d_N;
+      const Matrix3 hat_d = hat(d_B);
+      F->block<3, 3>(6, 3) += dt2 * R_NB * hat_d * hat(input.w_NB_B);
+      F->block<3, 3>(9, 3) = kept * R_NB * (turn_B * hat_d - hat(turn_B * d_B));
     }
   }
   return next;

@@ -34,7 +34,8 @@ struct MotionModel {
   /// be told while N does not turn: their difference.
   Seconds memory_s = 30;
   /// b is the drone's drag instead: it slows v_NB by a share of itself, 1/s along each
-  /// axis of N. What else changes is then all in d, ProcessNoise::thrust too.
+  /// axis of N. What else changes is then all in d, ProcessNoise::thrust too: thrust
+  /// that differs from what the model supposes, most of it, so that d turns with B.
   bool drag = false;
 };
 
@@ -74,8 +75,8 @@ struct ProcessNoise {
 ///   p' = v,  R' = R hat(w_NB_B),  d' = -w_IN x d - d / tau,  b' = -b / tau
 ///   v' = f_N + d + (b_x, b_y, 0) + b_z lift_N + R_NI g - a_IN - 2 w x v - w x (w x p)
 ///   - alpha x p
-/// or with -b v (by axis) for the two terms of b, as MotionModel::drag says; with f_N
-/// and tau by `model`. The paper's eqn:RSE_predict1 is `hover` with d = b = 0, a
+/// or with -b v (by axis) for the two terms of b and d' = (R w_NB_B) x d - d / tau, as
+/// MotionModel::drag says; with f_N and tau by `model`. The paper's eqn:RSE_predict1 is `hover` with d = b = 0, a
 /// platform at rest and w_NB_B = 0. Second order in dt (the paper: first); at 10 ms and
 /// the rates of a landing the rest is below a micrometre, at 50 ms below a tenth of a
 /// millimetre. `F`, when given, receives the derivative by the tangent.

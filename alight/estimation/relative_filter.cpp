@@ -21,11 +21,18 @@ constexpr double kLost = 100;          // m, standard deviation; nothing is know
 constexpr double kTurnRateSd = 1;      // rad/s, at reset
 constexpr Seconds kTurnMemory = 1;     // drones do not go on turning
 // A drone that does not move as the model says (in a hand, on a cable) makes the
-// process noise grow at once with what pictures find improbable; one that moves more
-// evenly makes it shrink, picture by picture.
-constexpr double kRestlessLeast = 0.003, kRestlessMost = 100;
-constexpr double kImprobable = 2;      // mean NIS, 1 by the model
-constexpr double kRestlessGain = 0.1;  // share of what it is off that counts at once
+// process noise grow at once with what pictures find improbable; else it follows, picture
+// by picture, what the corrections of thrust and turn add up to.
+constexpr double kRestlessLeast = 0.0003, kRestlessMost = 100;
+constexpr double kImprobable = 2;       // mean NIS, 1 by the model
+constexpr double kRestlessGain = 0.05;  // share of what it is off that counts at once
+// Drones move smoothly: their corrections go on for a while that white noise would not
+// have, even where the covariance is true (sines and splines, flights of both renderers).
+constexpr double kSmooth = 2.4;
+constexpr double kTrendMost = 4;  // one picture may be off by chance
+// Images err alike in pictures that follow each other: the mean of many is worse than
+// their scatter says.
+constexpr double kAlike = 1.06;
 // Six LEDs show six directions of their errors. What is learnt from these varies; the
 // mean of 1 / chi^2 of six degrees of freedom is 1.5 / 6.
 constexpr double kLedCaution = 1.2247;  // sqrt(1.5)
@@ -159,6 +166,8 @@ void RelativeFilter::reset(Time t, const RelativeState& x,
   }
   turn_ = unknown_turn();
   restless_ = 1;
+  of_d_.forget();
+  of_turn_.forget();
   updates_ = 0;
   measured_v_NB_ = x.v_NB;
 }
@@ -280,6 +289,7 @@ void RelativeFilter::learn_turn(const MotionState& next, const Matrix15& P) {
     turn_ = unknown_turn();
     return;
   }
+  of_turn_.add(G * e, turn_.P - W);
   turn_.w += G * e;
   turn_.cross += G * change;
   turn_.P = 0.5 * (W + W.transpose());
@@ -289,8 +299,10 @@ void RelativeFilter::learn_restlessness() {
   double sum = 0;
   for (const ObservationReport& o : report_.seen) sum += o.nis;
   const double mean = sum / (2 * report_.used);  // 1 by the model
+  const double trend = 0.5 * (of_d_.ratio() + of_turn_.ratio()) / kSmooth;
   const double gain = std::max(kRestlessGain, 1.0 / (updates_ + 1));
-  const double factor = mean > kImprobable ? mean : 1 + gain * (mean - 1);
+  const double factor =
+      mean > kImprobable ? mean : 1 + gain * (std::min(trend, kTrendMost) - 1);
   restless_ = std::clamp(factor * restless_, kRestlessLeast, kRestlessMost);
 }
 
@@ -358,7 +370,7 @@ RelativeFilter::Verdict RelativeFilter::judge(const LedObservation* seen,
   const Pose X_NB = state_.x.X_NB();
   const Matrix6 P = P_.topLeftCorner<6, 6>();
   const double white = config_.led_white_share * config_.led_white_share;
-  const double scale = config_.learn_from_residuals ? watch_.noise() : 1;
+  const double scale = config_.learn_from_residuals ? kAlike * watch_.noise() : 1;
   const double pixel = scale * config_.pixel_sd_px * config_.pixel_sd_px;
   PictureMeasurement m;
   Eigen::Matrix<double, kRows, 6> H;
@@ -463,6 +475,8 @@ Result<UpdateReport> RelativeFilter::update(const LedFrame& frame, std::size_t a
     turn_.P /= restless_;
     turn_.cross /= restless_;
     restless_ = 1;
+    of_d_.forget();
+    of_turn_.forget();
     report = UpdateReport{};
     measurements.clear();
     ready = prepare(frame, measurements, report);
@@ -494,6 +508,7 @@ Result<UpdateReport> RelativeFilter::update(const LedFrame& frame, std::size_t a
   led_bias_ = bias;
   if (config_.noise.turn > 0) {
     learn_turn(next, P);
+    of_d_.add(next.d_N - state_.d_N, P_.block<3, 3>(9, 9) - P.block<3, 3>(9, 9));
     learn_restlessness();
   }
   state_ = next;

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "alight/base/result.h"
+#include "alight/estimation/correction_trend.h"
 #include "alight/estimation/led_learner.h"
 #include "alight/estimation/map_update.h"
 #include "alight/estimation/motion_model.h"
@@ -182,6 +183,7 @@ class RelativeFilter {
   ResidualWatch watch_;
   TurnRate turn_;
   double restless_ = 1;  // factor on the process noise
+  CorrectionTrend of_d_, of_turn_;
 
   // The paper's velocity measurement.
   int updates_ = 0;  // since reset

@@ -57,6 +57,7 @@ struct RelativeEstimatorConfig {
   double known_sd_m = 0.05;
   double known_sd_deg = 7;
   double known_sd_m_s = 0.2;     ///< Speed is known, after the LEDs were lost.
+  double found_sd_m_s = 1;       ///< A drone found anew, each direction.
   double reckoned_sd_m_s = 0.3;  ///< Of a velocity that the autopilot tells, each time:
                                  ///< its errors last for many of them.
   double told_sd_m = 0;          ///< A pose that is less well known (sd) in some

@@ -23,7 +23,6 @@ constexpr std::size_t kNoLamps = 6;
 // pose that explains more: then, after twice as many, and so on, at last after every so
 // many.
 constexpr unsigned kDoubtAfter = 4, kDoubtEvery = 256;
-constexpr double kVelocitySd = 1;  // m/s, of a drone found anew, each direction
 constexpr double kFlies = 0.5;     // With at least so much of its weight in thrust.
 
 Covariance9 covariance_of(const PoseFit& fit, double velocity_sd) {
@@ -262,7 +261,7 @@ void RelativeEstimator::go_on_from(const FoundLeds& found, Time t, FrameReport& 
   x.R_NB = found.fit.X_NB.linear();
   found_again_ = filter_.initialized();
   fresh_ = config_.tell_apart;
-  double velocity_sd = kVelocitySd;
+  double velocity_sd = config_.found_sd_m_s;
   Vector3 d_N = Vector3::Zero(), b_N = Vector3::Zero();
   if (filter_.initialized() &&
       (filter_.state().p_NB - x.p_NB).norm() < config_.search_gate_m) {
