@@ -21,6 +21,7 @@ class CorrectionTrend {
   /// Mean square of the sum in units of its variance; 1 by the model, and when nothing
   /// can be told.
   double ratio() const {
+    if (!(cov_.trace() > 0)) return 1;
     Matrix3 cov = cov_;
     cov.diagonal().array() += kRounding * cov_.trace();
     const double ratio = sum_.dot(Eigen::LLT<Matrix3>(cov).solve(sum_)) / 3;

@@ -153,6 +153,25 @@ TEST(MotionModel, DragSlowsByAShareOfTheSpeed) {
   EXPECT_LT((s.x.v_NB - Vector3(2 * kept, -kept, 0.5)).norm(), 1e-4);
 }
 
+// A drone that pushes a tenth too hard along its z goes on to do so as it turns.
+TEST(MotionModel, ThrustThatDiffersTurnsWithTheDrone) {
+  MotionState s;
+  s.x.R_NB = from_rpy(0.2, -0.1, 1);
+  s.d_N = 0.1 * kGravity * s.x.R_NB.col(2);
+  PredictionInput u;
+  u.w_NB_B = {0.8, -0.5, 0.3};
+  const MotionModel model{
+      .force = ProcessModel::hover, .memory_s = kForever, .drag = true};
+  Vector3 v_NB = Vector3::Zero();
+  for (int i = 0; i < 100; ++i) {
+    const Matrix3 R_NB = s.x.R_NB * so3_exp(u.w_NB_B * 0.005);
+    v_NB += 0.01 * kGravity * (1.1 * R_NB.col(2) - Vector3::UnitZ());
+    s = extrapolate(s, u, 0.01, model);
+  }
+  EXPECT_LT((s.d_N - 0.1 * kGravity * s.x.R_NB.col(2)).norm(), 1e-9);
+  EXPECT_LT((s.x.v_NB - v_NB).norm(), 1e-3);
+}
+
 TEST(MotionModel, WindStaysInIAndBiasInN) {
   PredictionInput u;
   u.platform.w_IN_N = {0, 0, 0.6};
