@@ -30,9 +30,6 @@ constexpr double kRestlessGain = 0.05;  // share of what it is off that counts a
 // have, even where the covariance is true (sines and splines, flights of both renderers).
 constexpr double kSmooth = 2.4;
 constexpr double kTrendMost = 4;  // one picture may be off by chance
-// Images err alike in pictures that follow each other: the mean of many is worse than
-// their scatter says.
-constexpr double kAlike = 1.06;
 // Six LEDs show six directions of their errors. What is learnt from these varies; the
 // mean of 1 / chi^2 of six degrees of freedom is 1.5 / 6.
 constexpr double kLedCaution = 1.2247;  // sqrt(1.5)
@@ -370,7 +367,7 @@ RelativeFilter::Verdict RelativeFilter::judge(const LedObservation* seen,
   const Pose X_NB = state_.x.X_NB();
   const Matrix6 P = P_.topLeftCorner<6, 6>();
   const double white = config_.led_white_share * config_.led_white_share;
-  const double scale = config_.learn_from_residuals ? kAlike * watch_.noise() : 1;
+  const double scale = config_.learn_from_residuals ? watch_.noise() : 1;
   const double pixel = scale * config_.pixel_sd_px * config_.pixel_sd_px;
   PictureMeasurement m;
   Eigen::Matrix<double, kRows, 6> H;
