@@ -23,7 +23,7 @@ constexpr Seconds kTurnMemory = 1;     // drones do not go on turning
 // A drone that does not move as the model says (in a hand, on a cable) makes the
 // process noise grow at once with what pictures find improbable; else it follows, picture
 // by picture, what the corrections of thrust and turn add up to.
-constexpr double kRestlessLeast = 0.0003, kRestlessMost = 100;
+constexpr double kRestlessLeast = 0.003, kRestlessMost = 100;
 constexpr double kImprobable = 2;       // mean NIS, 1 by the model
 constexpr double kRestlessGain = 0.05;  // share of what it is off that counts at once
 // Drones move smoothly: their corrections go on for a while that white noise would not

@@ -97,17 +97,16 @@ RelativeFilterConfig RelativeFilterConfig::camera_only() {
   c.model = ProcessModel::hover;
   // A drone's force lies along z of B, so that its attitude tells of its acceleration;
   // how large it is, and how fast the drone turns, changes within tenths of a second,
-  // its drag hardly, and little else acts on it.
+  // its drag hardly.
   c.estimate_drag = true;
   c.noise = {.rate = 0.006,
              .acceleration = 0.006,
-             .disturbance = 0.08,
-             .updraught = 0.08,
+             .disturbance = 0.55,
+             .updraught = 0.55,
              .bias = 0.01,
              .thrust = 2.5,
              .turn = 2};
-  c.disturbance_sd = 0.5;
-  c.updraught_sd = 1.2;
+  c.updraught_sd = c.disturbance_sd;
   c.bias_sd = c.lift_sd = 0.2;
   c.pixel_sd_px = 0.005;
   // The pose against the camera: where that stands, its pictures do not tell.
