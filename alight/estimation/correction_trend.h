@@ -6,10 +6,10 @@
 namespace alight {
 
 /// What a filter's corrections of three components of its state add up to, against what
-/// it expects of them. Those of a true model are white (Kailath 1968): their sum grows as
-/// its variance does, whatever a single picture tells. Corrections that go on in one
-/// direction show a process noise that is too small, those that take each other back one
-/// that is too large.
+/// it expects of them. Those of a true model are white (Kailath 1968): their sum grows
+/// as its variance does, whatever a single picture tells. Corrections that go on in one
+/// direction show a process noise that is too small, those that take each other back
+/// one that is too large.
 class CorrectionTrend {
  public:
   /// @param gained  Covariance before the correction, less that after it.

@@ -76,10 +76,11 @@ struct ProcessNoise {
 ///   v' = f_N + d + (b_x, b_y, 0) + b_z lift_N + R_NI g - a_IN - 2 w x v - w x (w x p)
 ///   - alpha x p
 /// or with -b v (by axis) for the two terms of b and d' = (R w_NB_B) x d - d / tau, as
-/// MotionModel::drag says; with f_N and tau by `model`. The paper's eqn:RSE_predict1 is `hover` with d = b = 0, a
-/// platform at rest and w_NB_B = 0. Second order in dt (the paper: first); at 10 ms and
-/// the rates of a landing the rest is below a micrometre, at 50 ms below a tenth of a
-/// millimetre. `F`, when given, receives the derivative by the tangent.
+/// MotionModel::drag says; with f_N and tau by `model`. The paper's eqn:RSE_predict1 is
+/// `hover` with d = b = 0, a platform at rest and w_NB_B = 0. Second order in dt (the
+/// paper: first); at 10 ms and the rates of a landing the rest is below a micrometre,
+/// at 50 ms below a tenth of a millimetre. `F`, when given, receives the derivative by
+/// the tangent.
 MotionState extrapolate(const MotionState& state, const PredictionInput& input,
                         Seconds dt, const MotionModel& model = {},
                         Matrix15* F = nullptr);

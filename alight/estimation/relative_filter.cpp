@@ -21,13 +21,14 @@ constexpr double kLost = 100;          // m, standard deviation; nothing is know
 constexpr double kTurnRateSd = 1;      // rad/s, at reset
 constexpr Seconds kTurnMemory = 1;     // drones do not go on turning
 // A drone that does not move as the model says (in a hand, on a cable) makes the
-// process noise grow at once with what pictures find improbable; else it follows, picture
-// by picture, what the corrections of thrust and turn add up to.
+// process noise grow at once with what pictures find improbable; else it follows,
+// picture by picture, what the corrections of thrust and turn add up to.
 constexpr double kRestlessLeast = 0.003, kRestlessMost = 100;
 constexpr double kImprobable = 2;       // mean NIS, 1 by the model
 constexpr double kRestlessGain = 0.05;  // share of what it is off that counts at once
 // Drones move smoothly: their corrections go on for a while that white noise would not
-// have, even where the covariance is true (sines and splines, flights of both renderers).
+// have, even where the covariance is true (sines and splines, flights of both
+// renderers).
 constexpr double kSmooth = 2.4;
 constexpr double kTrendMost = 4;  // one picture may be off by chance
 // Six LEDs show six directions of their errors. What is learnt from these varies; the

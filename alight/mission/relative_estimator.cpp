@@ -92,7 +92,7 @@ RelativeEstimatorConfig RelativeEstimatorConfig::camera_only() {
   config.prediction_step_ms = 50;  // nothing happens between pictures
   config.search_lean_deg = 180;
   config.filter = RelativeFilterConfig::camera_only();
-  config.found_sd_m_s = 0.7;  // drones before a camera reach 1.8 m/s
+  config.found_sd_m_s = 0.7;        // drones before a camera reach 1.8 m/s
   config.learn_led_errors = false;  // how far they are off, is to be learnt, too
   config.learn_leds = true;
   // Three of them lie within the limits of a wrong pose, 0.15 m and 15 deg.

@@ -23,7 +23,7 @@ constexpr std::size_t kNoLamps = 6;
 // pose that explains more: then, after twice as many, and so on, at last after every so
 // many.
 constexpr unsigned kDoubtAfter = 4, kDoubtEvery = 256;
-constexpr double kFlies = 0.5;     // With at least so much of its weight in thrust.
+constexpr double kFlies = 0.5;  // With at least so much of its weight in thrust.
 
 Covariance9 covariance_of(const PoseFit& fit, double velocity_sd) {
   Covariance9 cov = Covariance9::Zero();

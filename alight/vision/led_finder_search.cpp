@@ -277,8 +277,8 @@ ALIGHT_INLINE void LedFinder::Search::guess_by(std::size_t triple, std::size_t j
   three.find_normal();
   const auto n = static_cast<std::size_t>(leds.size());
   const double worst = guesses.full() ? guess_worst : static_cast<double>(n) - 3.5;
-  const auto weigh = [&](const ThreeSeen& seen, double sign, bool exact,
-                         Guess& out) __attribute__((always_inline)) {
+  const auto weigh = [&](const ThreeSeen& seen, double sign, bool exact, Guess& out)
+      __attribute__((always_inline)) {
     const Vector3 up_V = seen.place(c.up, sign) / seen.s;
     const double up = up_V.dot(around.up_V);
     if (up < cos_tilt_most) return false;
