@@ -103,6 +103,10 @@ class Mission {
   /// How near the pad's middle, level, the drone comes on its way to the floor if the
   /// platform stays beside it, m.
   double nearest_beside(const MissionInput& in) const;
+  /// Has the motors stopped of a drone that its autopilot has landed beside the
+  /// platform.
+  /// @returns false: it does not stand there.
+  bool stop_on_floor(const MissionInput& in, Command& c, Output& out);
   /// The drone would come down on the platform, drove that on.
   bool would_meet(const MissionInput& in) const;
   Vector3 search_from(const MissionInput& in) const;
@@ -172,6 +176,7 @@ class Mission {
   bool coming_down_ = false, for_the_link_ = false;
   Time coming_down_since_ = 0;
   bool left_ = false;               // aborted: the autopilot has been told to land
+  bool floor_told_ = false;         // that it stands there
   bool for_want_of_sight_ = false;  // aborted: nothing else was wrong
   bool waits_for_it_ = false;       // the platform, for a drone that lands by itself
   double landing_speed_ = 0;        // the platform's, as the landing began, m/s

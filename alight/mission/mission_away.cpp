@@ -249,10 +249,23 @@ void Mission::lost_link(const MissionInput& in, Command& c, Output& out) {
        fresh ? "the link is back" : "the link is back, the LEDs are out of sight", in,
        out);
     c.mode = Command::Mode::track;
-  } else if (in.stands_on_floor && to_seconds(in.now - last_order_) >= kOrderEvery) {
-    c.order = AutopilotOrder::disarm;
-    last_order_ = in.now;
+  } else {
+    stop_on_floor(in, c, out);
   }
+}
+
+bool Mission::stop_on_floor(const MissionInput& in, Command& c, Output& out) {
+  if (!in.stands_on_floor) return false;
+  if (to_seconds(in.now - last_order_) < kOrderEvery) return true;
+  if (!floor_told_) {
+    // Why it came down there stays the reason.
+    out.transitions.push_back({in.now, status_.state, status_.state,
+                               "stands on the floor: its motors are stopped"});
+  }
+  floor_told_ = true;
+  c.order = AutopilotOrder::disarm;
+  last_order_ = in.now;
+  return true;
 }
 
 bool Mission::may_be_left(const MissionInput& in) {
@@ -293,8 +306,9 @@ void Mission::aborted(const MissionInput& in, Command& c, Output& out) {
   left_ = left_ || may_be_left(in);
   if (!left_) {
     c.mode = Command::Mode::track;
-  } else if (to_seconds(in.now - last_order_) >= kOrderEvery) {
-    c.order = in.stands_on_floor ? AutopilotOrder::disarm : AutopilotOrder::land;
+  } else if (!stop_on_floor(in, c, out) &&
+             to_seconds(in.now - last_order_) >= kOrderEvery) {
+    c.order = AutopilotOrder::land;
     last_order_ = in.now;
   }
 }

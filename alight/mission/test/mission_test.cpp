@@ -1169,6 +1169,13 @@ TEST(Mission, MotorsStopOnceADroneStandsOnTheFloor) {
   EXPECT_GT(f.orders_disarm, 0);
   EXPECT_FALSE(f.armed());
   EXPECT_EQ(f.state(), State::aborted);
+  EXPECT_EQ(f.reason(), "the operator aborted: the autopilot lands");
+  EXPECT_EQ(std::count_if(f.transitions.begin(), f.transitions.end(),
+                          [](const MissionTransition& t) {
+                            return std::string(t.reason) ==
+                                   "stands on the floor: its motors are stopped";
+                          }),
+            1);
 }
 
 TEST(Mission, MotorsStopOnTheFloorAlsoWhereTheLinkWasLostAndIsBack) {
