@@ -94,7 +94,8 @@ Result<ThrustAxis> find_thrust_axis(const ThrustAxisConfig& config,
   if (n < config.windows_min) {
     return fail(Fault::too_few_points,
                 "only " + std::to_string(n) +
-                    " stretches of flight in which the LEDs are followed, " +
+                    " of the stretches of flight in which the "
+                    "LEDs are followed from picture to picture, " +
                     std::to_string(config.windows_min) +
                     " are needed: record ten seconds of flight within 1.5 m");
   }
