@@ -27,9 +27,8 @@ constexpr double kSinks = 0.6;
 constexpr double kDrives = 0.2, kStoppedShare = 0.3;
 // One that is seen to come down beside the platform is left behind a little.
 constexpr Seconds kBrakesBeside = 1;
-constexpr double kSinksBeside = 0.42;  // m/s: the longer it takes, the farther blown
-constexpr double kRoomBeside = 0.1;    // m, from the pad's corner to a rotor
-constexpr double kUnsure = 0.05;       // m, of where it comes down
+constexpr double kRoomBeside = 0.1;  // m, from the pad's corner to a rotor
+constexpr double kUnsure = 0.05;     // m, of where it comes down
 // So long after its autopilot has acted alone, s, a drone is lost because of that.
 constexpr Seconds kAloneBefore = 1;
 // Unseen for so long, s, the drone may be elsewhere than predicted.
@@ -41,12 +40,16 @@ constexpr Seconds kLearntIn = 0.4;
 constexpr Seconds kShortSearch = 0.9;
 // The wind is known after so long a flight that is seen or told of, s. A blind
 // autopilot keeps level and is blown off, 2 m and more until it is down: it is left
-// moving against that, m/s at most, to come down about where it was left. How soon and
-// how fast, m/s, it sinks.
+// moving against that, m/s at most, to come down about where it was left. How soon it
+// sinks, and how fast, m/s, at the least: the longer it takes, the farther blown.
 constexpr Seconds kWindLearntIn = 1.5;
 constexpr double kAgainstWindMost = 0.8;
 constexpr Seconds kBlindSinksAfter = 0.5;
-constexpr double kBlindSinks = 0.42;
+constexpr double kSinksLeast = 0.42;
+
+/// How long one that brakes with time constant `tau` would have gone on at its first
+/// speed to get as far as it has after `t`.
+Seconds braking(Seconds tau, Seconds t) { return tau * (1 - std::exp(-t / tau)); }
 
 }  // namespace
 
@@ -123,15 +126,15 @@ bool Mission::stays_beside(const MissionInput& in) const {
 double Mission::nearest_beside(const MissionInput& in) const {
   const RelativeState& x = in.x;
   const double height = std::max(0.0, x.p_NB.z() + above_floor_ - gear_height_);
-  const Seconds down = kSinksAfter + height / kSinksBeside;
+  const Seconds down = kSinksAfter + height / kSinksLeast;
   const Vector3 v_IB_N = inertial_velocity_N(in.platform, x.p_NB, x.v_NB);
   double nearest = horizontal(x.p_NB);
   constexpr int kInstants = 4;
   for (int k = 1; k <= kInstants; ++k) {
     const Seconds t = k * down / kInstants;
-    const Seconds braking = kBrakes * (1 - std::exp(-t / kBrakes));
-    const Vector3 flown = braking * v_IB_N + kBrakes * (t - braking) * in.push_N;
-    const Seconds driven = kBrakesBeside * (1 - std::exp(-t / kBrakesBeside));
+    const Seconds flies = braking(kBrakes, t);
+    const Vector3 flown = flies * v_IB_N + kBrakes * (t - flies) * in.push_N;
+    const Seconds driven = braking(kBrakesBeside, t);
     const double turned = driven * in.platform.w_IN_N.z();
     const Vector3 way = from_rpy(0, 0, 0.5 * turned) * (driven * in.platform.v_IN_N);
     const Vector3 p_NB = from_rpy(0, 0, -turned) * (x.p_NB + flown - way);
@@ -145,8 +148,8 @@ bool Mission::would_meet(const MissionInput& in) const {
   const RelativeState& x = in.x;
   const Seconds down = kSinksAfter + std::max(0.0, x.p_NB.z() - gear_height_) / kSinks;
   const Vector3 v_IB_N = inertial_velocity_N(in.platform, x.p_NB, x.v_NB);
-  const Vector3 where = x.p_NB + kBrakes * (1 - std::exp(-down / kBrakes)) * v_IB_N -
-                        down * in.platform.v_IN_N;
+  const Vector3 where =
+      x.p_NB + braking(kBrakes, down) * v_IB_N - down * in.platform.v_IN_N;
   return horizontal(where) < reach_ + kUnsure;
 }
 
@@ -154,7 +157,7 @@ Vector3 Mission::left_with_over_ground(const MissionInput& in) const {
   const bool wind_known = to_seconds(in.motion_known - lifted_at_) >= kWindLearntIn;
   if (!wind_known || !dark(in.blindness)) return Vector3::Zero();
   const double height = std::max(0.0, in.x.p_NB.z() + above_floor_ - gear_height_);
-  const Seconds blown = kBlindSinksAfter + height / kBlindSinks;
+  const Seconds blown = kBlindSinksAfter + height / kSinksLeast;
   Vector3 v_N = -0.5 * blown * in.push_N;
   v_N.z() = 0;
   return std::min(1.0, kAgainstWindMost / (v_N.norm() + 1e-6)) * v_N;

@@ -13,10 +13,11 @@ namespace alight {
 namespace {
 
 /// Three points to a first pose: how far its other LEDs may be off, as a share of the
-/// constellation's size, and more the larger it stands in view,
+/// constellation's size, and more the larger it stands in view, until so many steps
+/// have taken that away. LEDs that are off move the others by so many of their sd.
 constexpr double kRoughShare = 0.06, kPerspective = 0.6;
-constexpr int kPerspectiveSteps = 2;  // until so many have taken that away. LEDs that
-constexpr double kLedSds = 4;       // are off, sd, move the others by so many of them.
+constexpr int kPerspectiveSteps = 2;
+constexpr double kLedSds = 4;
 constexpr double kSameUp = 0.95;    // cosine: two guesses at the same pose
 constexpr double kGuessMargin = 2;  // LEDs explained less than by the best guess
 constexpr double kFineShare = 0.05;

@@ -244,19 +244,23 @@ TEST(RelativeEstimator, AWrongPoseLiesThreeOfTheSdOffThatAreTold) {
   EXPECT_GT(told, 0);
 }
 
+/// The first `count` LEDs as white lights, each off by `sd_px` along both axes.
+void draw_white(Watch& w, const Pose& X_NB, int count, double sd_px, Rng& rng) {
+  w.picture.clear();
+  for (int i = 0; i < count; ++i) {
+    const auto uv = project_led(w.rig.camera, X_NB, w.rig.leds.p_BL(i));
+    ASSERT_TRUE(uv);
+    w.picture.add(*uv + sd_px * Vector2(rng.normal(), rng.normal()), LedColor::white);
+  }
+}
+
 // White lamps that stand nearly like the LEDs, and stand still.
 TEST(RelativeEstimator, LampsThatLookNearlyLikeTheDroneAreNotTakenForIt) {
   for (unsigned seed = 1; seed <= 20; ++seed) {
     SCOPED_TRACE(seed);
     Rng rng(seed);
     Watch w;
-    const Pose X_NB = Watch::sway(kFrame);
-    w.picture.clear();
-    for (int i = 0; i < 5; ++i) {
-      const auto uv = project_led(w.rig.camera, X_NB, w.rig.leds.p_BL(i));
-      ASSERT_TRUE(uv);
-      w.picture.add(*uv + 0.5 * Vector2(rng.normal(), rng.normal()), LedColor::white);
-    }
+    draw_white(w, Watch::sway(kFrame), 5, 0.5, rng);
     for (int k = 0; k < 60; ++k) {
       w.again();
       EXPECT_FALSE(w.report.tracked) << k << ", " << w.report.reprojection_px << " px";
@@ -264,20 +268,13 @@ TEST(RelativeEstimator, LampsThatLookNearlyLikeTheDroneAreNotTakenForIt) {
   }
 }
 
-// Four lights go on where the drone was expected; all six LEDs shine elsewhere.
 // LEDs that are washed out, in a picture with noise.
 TEST(RelativeEstimator, WhiteLightsThatFitExactlyStartItAtOnce) {
   for (unsigned seed = 1; seed <= 20; ++seed) {
     SCOPED_TRACE(seed);
     Rng rng(seed);
     Watch w;
-    const Pose X_NB = Watch::sway(kFrame);
-    w.picture.clear();
-    for (int i = 0; i < w.rig.leds.size(); ++i) {
-      const auto uv = project_led(w.rig.camera, X_NB, w.rig.leds.p_BL(i));
-      ASSERT_TRUE(uv);
-      w.picture.add(*uv + 0.15 * Vector2(rng.normal(), rng.normal()), LedColor::white);
-    }
+    draw_white(w, Watch::sway(kFrame), w.rig.leds.size(), 0.15, rng);
     ASSERT_TRUE(w.fuse(kFrame));
     EXPECT_TRUE(w.report.initialized) << w.report.why_not;
     EXPECT_LT(w.position_error(), 0.02);
@@ -302,6 +299,7 @@ TEST(RelativeEstimator, AFewNoisyPicturesDoNotSayThatLedsAreOff) {
   EXPECT_LT(std::sqrt(w.report.cov.block<3, 3>(0, 0).trace()), 0.01);
 }
 
+// Four lights go on where the drone was expected; all six LEDs shine elsewhere.
 TEST(RelativeEstimator, GoesOverToThePoseThatExplainsMoreLeds) {
   Watch w;
   w.follow(30);

@@ -219,7 +219,6 @@ TEST(LedFinder, KnowingOfThePadKeepsItFromTwins) {
   EXPECT_GT(found_knowing, 1.1 * found_not);
 }
 
-/// The centroid of a light that hangs over the picture's edge is not the light's.
 // Far away LEDs look white, and lamps in rows lie as those of a near drone might,
 // somehow.
 TEST(LedFinder, RowsOfLampsDoNotHideAFarDrone) {
@@ -255,6 +254,7 @@ TEST(LedFinder, RowsOfLampsDoNotHideAFarDrone) {
   EXPECT_GE(found_count, 0.6 * total);
 }
 
+/// The centroid of a light that hangs over the picture's edge is not the light's.
 TEST(LedFinder, UsesNoBlobThatThePicturesEdgeCuts) {
   const Rig rig = alan_rig();
   auto finder = LedFinder::create({}, rig.camera, rig.leds);
