@@ -202,10 +202,8 @@ void turn_by_thrust(const ConstellationConfig& config, const Matrix3& prior,
   const Eigen::Matrix<double, 3, 2> K = prior.leftCols<2>() * S.inverse();
   const Matrix3 turn = so3_exp(K * axis->turn_rad);
   fit.turn_sd_rad = (prior - K * prior.topRows<2>()).diagonal().cwiseSqrt();
-  const int n = fit.leds.size();
-  Vector3 middle = Vector3::Zero();
-  for (int i = 0; i < n; ++i) middle += fit.leds.p_BL(i) / n;
-  for (int i = 0; i < n; ++i) {
+  const Vector3 middle = middle_of(fit.leds);
+  for (int i = 0; i < fit.leds.size(); ++i) {
     Vector3& p_BL = fit.leds.leds[static_cast<std::size_t>(i)].p_BL;
     p_BL = middle + turn * (p_BL - middle);
   }
