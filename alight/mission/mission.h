@@ -3,6 +3,7 @@
 #include "alight/mission/maneuver.h"
 #include "alight/mission/mission_config.h"
 #include "alight/mission/mission_input.h"
+#include "alight/mission/miss.h"
 #include "alight/mission/quiet_deck.h"
 #include "alight/mission/touch_down.h"
 
@@ -122,8 +123,10 @@ class Mission {
   void follow(const MissionInput& in, Output& out);
   void rendezvous(const MissionInput& in, Output& out);
   void land(const MissionInput& in, Command& c, Output& out);
+  /// How far off its way it would touch, level, were the commit now, m.
+  double expected_miss(const MissionInput& in) const;
   /// Gusts pass, and decks come round: better to wait above the pad than to touch
-  /// beside its middle or on the edge of a foot. `miss`: where it would touch, m off.
+  /// beside its middle or on the edge of a foot.
   void wait_low(const MissionInput& in, const FlatState& ref, double miss,
                 double commit_height);
   void shut_down(const MissionInput& in, Command& c, Output& out);
@@ -204,6 +207,7 @@ class Mission {
   bool awaits_odometry_ = false;  // hold: ends when there is odometry again
   bool committed_ = false;
   bool abort_told_ = false;
+  UsualMiss usual_miss_;
   QuietDeck quiet_deck_;
   TouchDown touch_down_;
 };

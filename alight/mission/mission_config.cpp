@@ -22,6 +22,8 @@ Result<void> MissionConfig::validate() const {
           {"mission.commit_height_m", commit_height_m, 0, 5},
           {"mission.commit_error_m", commit_error_m, 0.001, 1},
           {"mission.wait_error_m", wait_error_m, 0, 1},
+          {"mission.wait_least_m", wait_least_m, 0.001, 1},
+          {"mission.wait_share", wait_share, 0, 10},
           {"mission.wait_room_m", wait_room_m, 0, 5},
           {"mission.wait_more_s", wait_more_s, 0.1, 600},
           {"mission.take_off_back_m", take_off_back_m, 0, 1},

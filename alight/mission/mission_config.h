@@ -46,8 +46,11 @@ struct MissionConfig {
   double commit_height_m = 0.08;  ///< Above gear height; below, landing is the safe
                                   ///< choice. A climb takes 6 cm to begin.
   double commit_error_m = 0.10;   ///< Expected miss at which commit is refused.
-  double wait_error_m = 0.018;  ///< Miss from which the descent slows; at a third more
-                                ///< it waits. 0: never.
+  /// Miss from which the descent slows; at a third more it waits. A drone whose misses
+  /// are usually small waits for less: such a share of them (rms of some seconds).
+  double wait_error_m = 0.018;  ///< At most; 0: it never waits.
+  double wait_least_m = 0.010;  ///< No smaller than that or wait_error_m.
+  double wait_share = 0.35;
   double wait_more_s = 4;       ///< Or twice that after so long, and so on.
   double wait_room_m = 0.12;    ///< Above the commit height: there it may wait.
   double quiet_deg = 3;         ///< A deck that swings is touched when it leans no more

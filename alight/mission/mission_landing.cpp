@@ -82,6 +82,7 @@ void Mission::follow(const MissionInput& in, Output& out) {
   }
   if (status_.attempts < config_.safety.landings_max || battery_low_) {
     go(MissionState::rendezvous, "following well: to the rendezvous", in, out);
+    usual_miss_.begin();
   } else if (config_.safety.when_failed == WhenFailed::leave) {
     go(MissionState::aborted, "too many landings have failed: the autopilot lands", in,
        out);
@@ -158,8 +159,14 @@ void Mission::take_way_back(const MissionInput& in) {
   has_next_ = true;
 }
 
+double Mission::expected_miss(const MissionInput& in) const {
+  const FlatState ref = maneuver_.at(in.now);
+  return horizontal(in.x.p_NB - ref.p_NB + kMissAhead * (in.x.v_NB - ref.v_NB));
+}
+
 void Mission::rendezvous(const MissionInput& in, Output& out) {
   if (overruled(in, out)) return;
+  usual_miss_.see(expected_miss(in), in.now);
   if (unseen(in) > config_.sight_lost_s) {
     go(MissionState::lost_target, words_for(in.blindness).lost, in, out);
     return;
@@ -242,7 +249,10 @@ void Mission::wait_low(const MissionInput& in, const FlatState& ref, double miss
     maneuver_.aim_pace(acts, waits ? 0 : 1);
   } else {
     const double tired = std::exp2(maneuver_.lag(in.now) / config_.wait_more_s);
-    const double off = miss / (tired * config_.wait_error_m);
+    const double small =
+        std::min(std::max(config_.wait_share * usual_miss_.rms(), config_.wait_least_m),
+                 config_.wait_error_m);
+    const double off = miss / (tired * small);
     maneuver_.aim_pace(acts, std::clamp(1 - (off - 1) / kWaitsAt, 0.0, 1.0));
   }
 }
@@ -273,8 +283,8 @@ void Mission::land(const MissionInput& in, Command& c, Output& out) {
     c.f_rest_N = touch_down_.leans_against_N();
     return;
   }
-  // Where it would touch, off the middle of the pad.
-  const double miss = horizontal(error + kMissAhead * (in.x.v_NB - ref.v_NB));
+  const double miss = expected_miss(in);
+  usual_miss_.see(miss, in.now);
   if (committed_) c.square_up = touch_down_.square_up(in, miss);
   if (!committed_) replan(in, out);
   if (!has_next_) touch_down_.flare(in, maneuver_);
