@@ -127,7 +127,8 @@ class Mission {
   double expected_miss(const MissionInput& in) const;
   /// Gusts pass, and decks come round: better to wait above the pad than to touch
   /// beside its middle or on the edge of a foot.
-  void wait_low(const MissionInput& in, const FlatState& ref, double miss,
+  /// @returns It waits, and is not to be committed to its landing.
+  bool wait_low(const MissionInput& in, const FlatState& ref, double miss,
                 double commit_height);
   void shut_down(const MissionInput& in, Command& c, Output& out);
   void lost_target(const MissionInput& in, Output& out);

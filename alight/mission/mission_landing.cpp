@@ -26,6 +26,8 @@ constexpr int kPlanlessMax = 3;
 constexpr Seconds kNoLag = 1e-6;
 // Above the commit height a descent still stops.
 constexpr double kStopsWithin = 0.03;  // m
+// One that has begun to stop comes to rest so far below it.
+constexpr double kWaitsDownTo = 0.03;  // m
 // A gust that pushes a waiting drone through the commit height passes again. So a miss
 // is refused only this far below, where it still can leave, or where it sinks there in
 // the time that thrust needs to answer.
@@ -231,30 +233,31 @@ Seconds Mission::touches_in(const MissionInput& in) const {
                                              : kTouchAhead;
 }
 
-void Mission::wait_low(const MissionInput& in, const FlatState& ref, double miss,
+bool Mission::wait_low(const MissionInput& in, const FlatState& ref, double miss,
                        double commit_height) {
   // A change of pace before what is sent acts could only be missed.
   const Time acts = in.now + from_seconds(in.acts_in);
   if (battery_low_) quiet_deck_.begin();  // it waits no more
   const bool low = ref.p_NB.z() < commit_height + config_.wait_room_m;
-  if (config_.wait_error_m <= 0 || !low) {
-    // Planned anew while it waited it may stand higher than where it would.
-    maneuver_.aim_pace(acts, 1);
-  } else if (sight_fails(in)) {
-    maneuver_.aim_pace(acts, 0);
-  } else if (!battery_low_ && (quiet_deck_.swings(in) || quiet_deck_.waiting())) {
-    const bool may_stop = in.x.p_NB.z() > commit_height + kStopsWithin &&
-                          maneuver_.stops_at_z(acts) > gear_height_ + kFeetClear;
-    const bool waits = quiet_deck_.waits(in, maneuver_, miss, may_stop);
-    maneuver_.aim_pace(acts, waits ? 0 : 1);
-  } else {
-    const double tired = std::exp2(maneuver_.lag(in.now) / config_.wait_more_s);
-    const double small =
-        std::min(std::max(config_.wait_share * usual_miss_.rms(), config_.wait_least_m),
-                 config_.wait_error_m);
-    const double off = miss / (tired * small);
-    maneuver_.aim_pace(acts, std::clamp(1 - (off - 1) / kWaitsAt, 0.0, 1.0));
+  double pace = 1;  // planned anew while it waited it may stand higher than it would
+  if (config_.wait_error_m > 0 && low) {
+    if (sight_fails(in)) {
+      pace = 0;
+    } else if (!battery_low_ && (quiet_deck_.swings(in) || quiet_deck_.waiting())) {
+      const bool may_stop = in.x.p_NB.z() > commit_height + kStopsWithin &&
+                            maneuver_.stops_at_z(acts) > gear_height_ + kFeetClear;
+      pace = quiet_deck_.waits(in, maneuver_, miss, may_stop) ? 0 : 1;
+    } else {
+      const double tired = std::exp2(maneuver_.lag(in.now) / config_.wait_more_s);
+      const double small = std::min(
+          std::max(config_.wait_share * usual_miss_.rms(), config_.wait_least_m),
+          config_.wait_error_m);
+      const double off = miss / (tired * small);
+      pace = std::clamp(1 - (off - 1) / kWaitsAt, 0.0, 1.0);
+    }
   }
+  maneuver_.aim_pace(acts, pace);
+  return pace == 0 && in.x.p_NB.z() > commit_height - kWaitsDownTo;
 }
 
 void Mission::land(const MissionInput& in, Command& c, Output& out) {
@@ -295,7 +298,7 @@ void Mission::land(const MissionInput& in, Command& c, Output& out) {
         config_.way_back && plan_.escape.exists && !quiet_deck_.swings(in);
     const double commit_height = std::max(gear_height_ + config_.commit_height_m,
                                           way_back ? plan_.escape.height_m : 0);
-    wait_low(in, ref, miss, commit_height);
+    const bool waits = wait_low(in, ref, miss, commit_height);
     if (hold_wanted_ && !battery_low_) {
       go(MissionState::hold, "the operator holds", in, out);
     } else if (unseen(in) > config_.sight_lost_s) {
@@ -308,7 +311,7 @@ void Mission::land(const MissionInput& in, Command& c, Output& out) {
          : !in.platform_ready ? kNoOdometry
                               : "too far from the trajectory",
          in, out);
-    } else if (!quiet_deck_.waiting() && !sight_fails(in) &&
+    } else if (!waits && !quiet_deck_.waiting() && !sight_fails(in) &&
                in.x.p_NB.z() < commit_height && ref.p_NB.z() < commit_height &&
                horizontal(ref.p_NB) < 0.5 * config_.go_around_error_m) {
       if (miss > config_.commit_error_m) {

@@ -736,6 +736,21 @@ TEST(Mission, WaitsAboveThePadForAGustToPass) {
   EXPECT_TRUE(stays.until(State::complete, 2 * config.wait_more_s));
 }
 
+TEST(Mission, OneThatStopsToWaitIsNotCommittedToLandWhereItComesToRest) {
+  const MissionConfig config;
+  const double commit = alan_rig().drone.gear_height_m + config.commit_height_m;
+  Flight f(config);
+  ASSERT_TRUE(f.reach(State::land));
+  ASSERT_TRUE(f.until_below(commit + 0.055));
+  f.off = Vector3(2.5 * config.wait_error_m, 0, 0);
+  f.run(0.5 * config.wait_more_s);
+  EXPECT_EQ(f.state(), State::land);
+  EXPECT_NE(f.reason(), "past the commit height: it lands");
+  EXPECT_LT(f.x().p_NB.z(), commit);
+  f.off.setZero();
+  EXPECT_TRUE(f.until(State::complete, 3));
+}
+
 TEST(Mission, ADroneThatSeldomMissesWaitsForLess) {
   const MissionConfig config;
   const double commit = alan_rig().drone.gear_height_m + config.commit_height_m;
