@@ -356,6 +356,41 @@ TEST(LedFinder, SeesNoDroneInLampsAlone) {
   EXPECT_LE(alarms, 2);
 }
 
+// Four LEDs of a drone that faces the lens may settle on a reading that others of their
+// colours beat, met only where the answer is challenged: what beats it is the answer,
+// or there is none.
+TEST(LedFinder, WhatBeatsTheAnswerThatItChallengesIsTheAnswer) {
+  const Rig rig = alan_rig();
+  auto finder = LedFinder::create({}, rig.camera, rig.leds);
+  ASSERT_TRUE(finder);
+  struct Dark {
+    int first, second;
+    double range_min, range_max;
+  };
+  for (const Dark& dark : {Dark{0, 2, 2.4, 3}, Dark{3, 4, 0.6, 1}}) {
+    SCOPED_TRACE(testing::Message() << "without " << dark.first << ", " << dark.second);
+    int right = 0, total = 0;
+    for (unsigned seed = 0; total < 150; ++seed) {
+      Rng rng(seed);
+      const Pose X_NB = test::random_pose(rig, rng, dark.range_min, dark.range_max);
+      const Vector3 ahead = X_NB.linear().col(0);
+      const Vector3 to_lens = rig.camera.X_NC.translation() - X_NB.translation();
+      const Vector2 level = to_lens.head<2>().normalized();
+      if (ahead.head<2>().normalized().dot(level) < std::cos(12 * kDegree)) continue;
+      ++total;
+      std::vector<Blob> blobs;
+      for (int i = 0; i < rig.leds.size(); ++i) {
+        if (i == dark.first || i == dark.second) continue;
+        const auto uv = project_led(rig.camera, X_NB, rig.leds.p_BL(i));
+        blobs.push_back(test::blob_at(*uv, rig.leds.color(i), rng, 0));
+      }
+      const auto found = finder->find(blobs);
+      right += found && !lost(X_NB, found->fit.X_NB);
+    }
+    EXPECT_GE(right, 0.7 * total);
+  }
+}
+
 TEST(LedFinder, PaperFindsSixOfSix) {
   const Rig rig = alan_rig();
   LedFinderConfig config;
