@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "alight/estimation/huber.h"
-#include "alight/estimation/small_solve.h"
+#include "alight/geometry/small_solve.h"
 
 namespace alight {
 namespace {

@@ -8,7 +8,7 @@
 #include <cmath>
 #include <span>
 
-#include "alight/estimation/small_solve.h"
+#include "alight/geometry/small_solve.h"
 
 namespace alight {
 namespace {
@@ -178,7 +178,8 @@ void RelativeFilter::restart_disturbance(const Vector3& d_N, const Vector3& b_N)
 
 LedBias RelativeFilter::response_to_leds(const LedFrame& seen) const {
   // The fit's normal equations, the covariance held against what it leaves open.
-  Matrix6 A = P_.topLeftCorner<6, 6>().inverse();
+  const Matrix6 P = P_.topLeftCorner<6, 6>();
+  Matrix6 A = inverse_of(Eigen::LLT<Matrix6>(P));
   Eigen::Matrix<double, 6, Eigen::Dynamic, 0, 6, 3 * kMaxLeds> T(6, led_bias_.cols());
   T.setZero();
   for (const LedObservation& o : seen.seen) {
@@ -199,7 +200,9 @@ LedBias RelativeFilter::response_to_leds(const LedFrame& seen) const {
   }
   LedBias response = LedBias::Zero(15, led_bias_.cols());
   const Eigen::LLT<Matrix6> llt(A);
-  if (llt.info() == Eigen::Success) response.topRows<6>() = llt.solve(T);
+  for (Eigen::Index c = 0; llt.info() == Eigen::Success && c < T.cols(); ++c) {
+    response.col(c).head<6>() = llt.solve(Vector6(T.col(c)));
+  }
   if (!response.allFinite()) response.setZero();
   return response;
 }

@@ -1,9 +1,10 @@
 #include "alight/vision/blob_pose.h"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <bit>
 #include <cmath>
+
+#include "alight/geometry/small_solve.h"
 
 namespace alight {
 namespace {
@@ -11,11 +12,20 @@ namespace {
 constexpr double kImbalance = 0.15;  // sd of the weight one of two LEDs has too much
 
 struct Step {
-  Matrix6 H;
+  Matrix6 H;  // its lower half
   Vector6 g;
   BlobFit fit;
   double square = 0;
 };
+
+/// H += J' WJ, its lower half.
+void add_square(const Matrix26& J, const Matrix26& WJ, Matrix6& H) {
+  for (int c = 0; c < 6; ++c) {
+    for (int r = c; r < 6; ++r) {
+      H(r, c) += J(0, r) * WJ(0, c) + J(1, r) * WJ(1, c);
+    }
+  }
+}
 
 bool linearize(const Camera& camera, const Constellation& leds,
                std::span<const BlobTerm> terms, double tilt_sd, const Pose& X_NB,
@@ -67,27 +77,29 @@ bool linearize(const Camera& camera, const Constellation& leds,
     const Vector2 r = term.uv - mean;
     const Matrix2 W = term.cov.inverse();
     const Matrix26 WJ = W * J_mean;
-    out.H.noalias() += J_mean.transpose() * WJ;
+    add_square(J_mean, WJ, out.H);
     out.g.noalias() += WJ.transpose() * r;
     out.fit.chi2_place += r.dot(W * r);
     out.square += r.squaredNorm();
 
+    const double w = 1 / (term.stretch_sd * term.stretch_sd);
+    if (n == 1) {
+      out.fit.chi2_stretch += w * term.stretch.squaredNorm();
+      continue;
+    }
     Vector2 stretch = Vector2::Zero();
     Matrix26 J_stretch = Matrix26::Zero();
-    for (int k = 0; n > 1 && k < n; ++k) {
+    for (int k = 0; k < n; ++k) {
       const Vector2 d = uv[k] - mean;
       const Matrix26 J_d = J[k] - J_mean;
       stretch += share * Vector2(d.x() * d.x() - d.y() * d.y(), 2 * d.x() * d.y());
       J_stretch.row(0) += 2 * share * (d.x() * J_d.row(0) - d.y() * J_d.row(1));
       J_stretch.row(1) += 2 * share * (d.y() * J_d.row(0) + d.x() * J_d.row(1));
     }
-    const double w = 1 / (term.stretch_sd * term.stretch_sd);
     const Vector2 q = term.stretch - stretch;
     out.fit.chi2_stretch += w * q.squaredNorm();
-    if (n > 1) {
-      out.H.noalias() += w * J_stretch.transpose() * J_stretch;
-      out.g.noalias() += w * J_stretch.transpose() * q;
-    }
+    add_square(w * J_stretch, J_stretch, out.H);
+    out.g.noalias() += w * J_stretch.transpose() * q;
   }
   // Up as B sees it; by a turn d in B it changes by up x d.
   const Vector3 up = X_NB.linear().row(2).transpose();
@@ -153,7 +165,7 @@ std::optional<BlobFit> fit_blobs(const Camera& camera, const Constellation& leds
   for (int k = 0; k < iterations_max; ++k) {
     Matrix6 H = at.H;
     H.diagonal() *= 1 + damping;
-    const Vector6 d = H.ldlt().solve(at.g);
+    const Vector6 d = solve_positive(H, at.g);
     if (!d.allFinite()) return std::nullopt;
     const Pose X_next = make_pose(at.fit.X_NB.linear() * so3_exp(d.tail<3>()),
                                   at.fit.X_NB.translation() + d.head<3>());
@@ -169,7 +181,7 @@ std::optional<BlobFit> fit_blobs(const Camera& camera, const Constellation& leds
     }
   }
   at.fit.X_NB.linear() = orthonormalized(at.fit.X_NB.linear());
-  at.fit.information = at.H;
+  at.fit.information = at.H.selfadjointView<Eigen::Lower>();
   at.fit.rms_px = std::sqrt(at.square / static_cast<double>(terms.size()));
   return at.fit;
 }

@@ -139,9 +139,11 @@ Result<FoundLeds> LedFinder::Search::find_standard(BlobSpan blobs, Time t) {
     if (usable.size() < 4) continue;
     // A rival that explains five LEDs would be met by the first few triples, too.
     const std::size_t all = shapes.triples().size(), few = shapes.few();
+    const bool five = usable.size() >= 5;
     for (const auto& [first, last] : {std::pair{0ul, few}, std::pair{few, all}}) {
       search_triples(parts, white_is_any, first, last);
       try_guesses(parts, white_is_any);
+      if (!five && last != all) continue;
       found = decide(blobs, white_is_any, t);
       if (most_blobs >= 5) break;
     }

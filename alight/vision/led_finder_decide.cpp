@@ -5,12 +5,15 @@
 #include <cmath>
 
 #include "alight/base/median.h"
+#include "alight/geometry/small_solve.h"
 #include "alight/vision/led_finder_search.h"
 
 namespace alight {
 namespace {
 
-constexpr double kHopeless = 100;         // -2 log likelihood behind the best so far
+constexpr double kHopeless = 100;  // -2 log likelihood behind the best so far
+constexpr int kRoughSteps = 3;     // that show it, of as many as a fit may take:
+constexpr int kSteps = 10;
 constexpr double kBrighter = 1.2;         // a light than its image in the pad
 constexpr double kRigDof = 2;             // of what is known of the rig's exactness
 constexpr int kTakenOver = 3;             // times that a challenger takes the lead
@@ -187,7 +190,7 @@ double LedFinder::Search::log_false_alarms(BlobSpan blobs, const Settled& best) 
 bool LedFinder::Search::decided(const BlobFit& fit) const {
   const auto ldlt = fit.information.ldlt();
   if (!(ldlt.vectorD().minCoeff() > 0)) return false;
-  const Matrix6 cov = ldlt.solve(Matrix6::Identity());
+  const Matrix6 cov = inverse_of(ldlt);
   const double range = (fit.X_NB.translation() - camera.X_NC.translation()).norm();
   const double turn = std::sqrt(cov.diagonal().tail<3>().maxCoeff());
   const double place = std::sqrt(cov.diagonal().head<3>().maxCoeff());
@@ -205,8 +208,13 @@ void LedFinder::Search::challenge(BlobSpan blobs, bool white_is_any,
     Settled s;
     s.candidate.assignment = assignment;
     const auto terms = blob_terms(assignment, images, blobs, sd);
-    const auto fit =
-        fit_blobs(camera, leds, {terms.data(), terms.size()}, tilt_sd(), X_NB_0, 10);
+    const auto fitted = [&](const Pose& from, int steps) {
+      return fit_blobs(camera, leds, {terms.data(), terms.size()}, tilt_sd(), from,
+                       steps);
+    };
+    auto fit = fitted(X_NB_0, kRoughSteps);
+    if (!fit || fit->cost() > best.fit.cost() + kHopeless) return;
+    fit = fitted(fit->X_NB, kSteps - kRoughSteps);
     if (!fit || !plausible(fit->X_NB) || !rivals(fit->X_NB, best.fit.X_NB)) return;
     s.fit = *fit;
     s.candidate.X_NB = fit->X_NB;
@@ -341,8 +349,8 @@ void LedFinder::Search::leave_open(BlobSpan blobs, const Settled& best) {
     }
     const auto ldlt = s.fit.information.ldlt();
     if (!(ldlt.vectorD().minCoeff() > 0)) return;
-    open.push_back({s.fit.X_NB, ldlt.solve(Matrix6::Identity()),
-                    s.candidate.assignment.blobs, by_chance});
+    open.push_back(
+        {s.fit.X_NB, inverse_of(ldlt), s.candidate.assignment.blobs, by_chance});
   };
   add(best);
   std::sort(settled.begin(), settled.end(), [](const Settled& a, const Settled& b) {
@@ -439,7 +447,7 @@ Result<FoundLeds> LedFinder::Search::decide(BlobSpan blobs, bool white_is_any, T
   }
 
   found.fit.X_NB = answer.fit.X_NB;
-  found.fit.cov = answer.fit.information.ldlt().solve(Matrix6::Identity());
+  found.fit.cov = inverse_of(answer.fit.information.ldlt());
   found.fit.chi2 = answer.fit.chi2_place;
   found.fit.rms_px = answer.fit.rms_px;
   found.frame.t = t;

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "alight/geometry/small_solve.h"
+
 namespace alight {
 namespace {
 
@@ -91,7 +93,7 @@ Result<PoseFit> refine_pose(const Camera& camera, const Constellation& leds,
   for (int k = 0; k < iterations_max && !converged; ++k) {
     Matrix6 H = at.H;
     H.diagonal() *= 1 + damping;
-    const Vector6 d = H.ldlt().solve(at.g);
+    const Vector6 d = solve_positive(H, at.g);
     if (!d.allFinite()) return fail(Fault::degenerate);
     const Pose X_next = moved(fit.X_NB, d);
     if (linearize(camera, leds, seen, X_next, X_NB_0, prior_information, next) &&
@@ -111,7 +113,7 @@ Result<PoseFit> refine_pose(const Camera& camera, const Constellation& leds,
   if (!(ldlt.vectorD().minCoeff() > 1e-10 * largest)) return fail(Fault::degenerate);
   if (!converged && iterations_max >= 20) return fail(Fault::no_convergence);
   fit.X_NB.linear() = orthonormalized(fit.X_NB.linear());
-  fit.cov = ldlt.solve(Matrix6::Identity());
+  fit.cov = inverse_of(ldlt);
   fit.chi2 = at.chi2;
   fit.rms_px =
       seen.empty() ? 0 : std::sqrt(at.square / static_cast<double>(seen.size()));

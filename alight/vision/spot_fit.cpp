@@ -52,7 +52,7 @@ inline void take(const std::uint8_t* p, int channels, int u, int v, std::size_t 
 }
 
 /// How much each counts; and up to a whole lane.
-void weigh(float noise, Pixels& out) {
+ALIGHT_INLINE void weigh(float noise, Pixels& out) {
   auto count = static_cast<std::size_t>(out.count);
   for (std::size_t i = 0; i < count; ++i) {
     const float mismatch = kMismatch * out.light[i];
@@ -165,7 +165,8 @@ struct Profile {
   float d2[kBoxSide];  // sd^2
   float core[kBoxSide], wide[kBoxSide];
 };
-Profile profile(int first, double middle, double height, const PointSpread& spread) {
+ALIGHT_INLINE Profile profile(int first, double middle, double height,
+                              const PointSpread& spread) {
   Profile out;
   const auto per_variance = static_cast<float>(1 / spread.variance_px2);
   const auto h = static_cast<float>(height);
@@ -400,42 +401,10 @@ std::optional<SpotFit> fit(const Pixels& pixels, std::span<const Vector2> starts
   return out;
 }
 
-}  // namespace
-
-double spot_reach_px(const PointSpread& spread, const Vector2& blur_px) {
-  const double sd = std::sqrt(spread.variance_px2 + blur_px.squaredNorm() / 12);
-  return std::max(kReach * sd, 2.0);
-}
-
-std::optional<SpotFit> fit_spots(const ImageView& image,
-                                 std::span<const Vector2> starts,
-                                 std::span<const double> heights,
-                                 const PointSpread& spread, const Vector2& blur_px,
-                                 std::span<const ForeignLight> foreign,
-                                 std::span<const LightBeside> beside) {
-  if (starts.empty() || starts.size() > kMaxGroup) return std::nullopt;
-  Pixels pixels;
-  if (!gather(image, starts, spot_reach_px(spread, blur_px),
-              static_cast<float>(spread.noise_variance), foreign, pixels)) {
-    return std::nullopt;
-  }
-  if (full_share(pixels) > kFullMost) return std::nullopt;
-  take_off(beside, spread, blur_px, pixels);
-  switch (starts.size()) {
-    case 1:
-      return fit<1>(pixels, starts, heights, spread, blur_px);
-    case 2:
-      return fit<2>(pixels, starts, heights, spread, blur_px);
-    case 3:
-      return fit<3>(pixels, starts, heights, spread, blur_px);
-    default:
-      return fit<4>(pixels, starts, heights, spread, blur_px);
-  }
-}
-
-std::optional<SkirtLook> look_at_skirt(const ImageView& image, const Vector2& middle,
-                                       std::span<const LightBeside> lights,
-                                       const PointSpread& spread) {
+ALIGHT_INLINE std::optional<SkirtLook> skirt_of(const ImageView& image,
+                                                const Vector2& middle,
+                                                std::span<const LightBeside> lights,
+                                                const PointSpread& spread) {
   if (!(middle.minCoeff() > kSkirtBox && middle.x() < image.width - kSkirtBox - 1 &&
         middle.y() < image.height - kSkirtBox - 1)) {
     return std::nullopt;
@@ -497,6 +466,57 @@ std::optional<SkirtLook> look_at_skirt(const ImageView& image, const Vector2& mi
   const double information = w_ff - w_f * w_f / w_1;
   if (!(information > kSkirtInformationLeast)) return std::nullopt;
   return SkirtLook{(w_fy - w_f * w_y / w_1) / information, information};
+}
+
+#if defined(ALIGHT_WIDE)
+ALIGHT_WIDE std::optional<SkirtLook> skirt_wide(const ImageView& image,
+                                                const Vector2& middle,
+                                                std::span<const LightBeside> lights,
+                                                const PointSpread& spread) {
+  return skirt_of(image, middle, lights, spread);
+}
+#endif
+
+}  // namespace
+
+double spot_reach_px(const PointSpread& spread, const Vector2& blur_px) {
+  const double sd = std::sqrt(spread.variance_px2 + blur_px.squaredNorm() / 12);
+  return std::max(kReach * sd, 2.0);
+}
+
+std::optional<SpotFit> fit_spots(const ImageView& image,
+                                 std::span<const Vector2> starts,
+                                 std::span<const double> heights,
+                                 const PointSpread& spread, const Vector2& blur_px,
+                                 std::span<const ForeignLight> foreign,
+                                 std::span<const LightBeside> beside) {
+  if (starts.empty() || starts.size() > kMaxGroup) return std::nullopt;
+  Pixels pixels;
+  if (!gather(image, starts, spot_reach_px(spread, blur_px),
+              static_cast<float>(spread.noise_variance), foreign, pixels)) {
+    return std::nullopt;
+  }
+  if (full_share(pixels) > kFullMost) return std::nullopt;
+  take_off(beside, spread, blur_px, pixels);
+  switch (starts.size()) {
+    case 1:
+      return fit<1>(pixels, starts, heights, spread, blur_px);
+    case 2:
+      return fit<2>(pixels, starts, heights, spread, blur_px);
+    case 3:
+      return fit<3>(pixels, starts, heights, spread, blur_px);
+    default:
+      return fit<4>(pixels, starts, heights, spread, blur_px);
+  }
+}
+
+std::optional<SkirtLook> look_at_skirt(const ImageView& image, const Vector2& middle,
+                                       std::span<const LightBeside> lights,
+                                       const PointSpread& spread) {
+#if defined(ALIGHT_WIDE)
+  if (is_wide()) return skirt_wide(image, middle, lights, spread);
+#endif
+  return skirt_of(image, middle, lights, spread);
 }
 
 }  // namespace alight

@@ -1,4 +1,4 @@
-#include "alight/estimation/small_solve.h"
+#include "alight/geometry/small_solve.h"
 
 #include <gtest/gtest.h>
 
@@ -25,6 +25,17 @@ void expect_inverse(double smallest, double tolerance) {
   const Matrix inverse = inverse_of(Eigen::LLT<Matrix>(A));
   EXPECT_LT((inverse * A - Matrix::Identity()).cwiseAbs().maxCoeff(), tolerance) << N;
   EXPECT_EQ(inverse, Matrix(inverse.transpose())) << N;
+  // So that the pivots are not the diagonal in its order.
+  Matrix uneven = A;
+  for (int i = 0; i < N; ++i) {
+    const double by = 1 + (3 * i + N / 2) % N;
+    uneven.row(i) *= by;
+    uneven.col(i) *= by;
+  }
+  const Matrix pivoted = inverse_of(Eigen::LDLT<Matrix>(uneven));
+  EXPECT_LT((pivoted * uneven - Matrix::Identity()).cwiseAbs().maxCoeff(),
+            100 * tolerance)
+      << N;
 }
 
 TEST(SmallSolve, InvertsAndStaysSymmetric) {
@@ -34,6 +45,14 @@ TEST(SmallSolve, InvertsAndStaysSymmetric) {
 }
 
 TEST(SmallSolve, InvertsWhatIsHardlyRegular) { expect_inverse<6>(1e-8, 1e-5); }
+
+TEST(SmallSolve, SolvesByTheLowerHalfAlone) {
+  const Eigen::Matrix<double, 6, 6> A = positive_definite<6>(0.1);
+  const Eigen::Matrix<double, 6, 1> b = A.col(2) - 3 * A.col(4);
+  Eigen::Matrix<double, 6, 6> lower = A.triangularView<Eigen::Lower>();
+  EXPECT_LT((A * solve_positive(lower, b) - b).cwiseAbs().maxCoeff(), 1e-12);
+  EXPECT_FALSE(solve_positive(Eigen::Matrix<double, 6, 6>(0 * A), b).allFinite());
+}
 
 TEST(SmallSolve, SolvesColumnByColumn) {
   const Eigen::Matrix<double, 6, 6> A = positive_definite<6>(0.1);
