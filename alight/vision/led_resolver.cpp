@@ -579,7 +579,11 @@ std::optional<LedFrame> LedResolver::follow(const ImageView& image, BlobSpan blo
   // A lamp in front of an LED is seen in its place.
   FixedVector<double, kMaxLeds> areas;
   for (const int j : match.blob) {
-    if (j >= 0) areas.push_back(blobs[static_cast<std::size_t>(j)].area_px);
+    // LEDs that run together share theirs.
+    const auto sharing = std::count(match.blob.begin(), match.blob.end(), j);
+    if (j < 0) continue;
+    areas.push_back(blobs[static_cast<std::size_t>(j)].area_px /
+                    static_cast<double>(sharing));
   }
   if (areas.size() > 0 && *std::max_element(areas.begin(), areas.end()) >
                               kLargestImage * median(areas.begin(), areas.end())) {

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <bit>
+#include <vector>
 
 #include "alight/vision/blob_detector.h"
 #include "alight/vision/test/scene.h"
@@ -84,6 +85,45 @@ TEST(LedResolver, FollowsEveryLedWhereBlobsRunTogether) {
   EXPECT_GE(leds, 5.8 * followed);
   EXPECT_LE(wrong, 0.005 * leds);
   EXPECT_LT(std::sqrt(square / leds), 0.12);
+}
+
+// More than twice as bright as the others, two of them together cover more than four
+// times what one of those does.
+TEST(LedResolver, BrightLedsThatRunTogetherAreNoLamp) {
+  Rng rng(4);
+  int runs = 0, followed = 0;
+  while (runs < 100) {
+    Scene scene(rng, 1.5, 3, 0x3f);
+    std::vector<Vector2> uv;
+    for (const Led& led : scene.rig.leds.leds) {
+      uv.push_back(*project_led(scene.rig.camera, scene.X_NB, led.p_BL));
+    }
+    double nearest = 1e9;
+    std::size_t a = 0, b = 0;
+    for (std::size_t i = 0; i < uv.size(); ++i) {
+      for (std::size_t k = 0; k < i; ++k) {
+        const double d = (uv[i] - uv[k]).norm();
+        if (d >= nearest) continue;
+        nearest = d;
+        a = i;
+        b = k;
+      }
+    }
+    if (!(nearest > 2 && nearest < 4)) continue;
+    ++runs;
+    for (std::size_t i = 0; i < uv.size(); ++i) {
+      scene.picture.add(uv[i], scene.rig.leds.color(static_cast<int>(i)),
+                        i == a || i == b ? 240 : 100, 0.9);
+    }
+    scene.picture.expose(rng);
+    LedResolver resolver = scene.resolver();
+    followed += resolver
+                    .follow(scene.picture.view(), scene.blobs(), scene.predicted(rng),
+                            2.5, {scene.still.data(), scene.still.size()}, 0)
+                    .has_value();
+  }
+  RecordProperty("followed", followed);
+  EXPECT_GE(followed, 0.9 * runs);
 }
 
 TEST(LedResolver, AnLedThatIsDarkIsLeftOut) {
