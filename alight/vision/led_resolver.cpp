@@ -578,12 +578,13 @@ std::optional<LedFrame> LedResolver::follow(const ImageView& image, BlobSpan blo
   }
   // A lamp in front of an LED is seen in its place.
   FixedVector<double, kMaxLeds> areas;
+  const bool all_lit = std::popcount(lit_) == leds_.size();
   for (const int j : match.blob) {
-    // LEDs that run together share theirs.
-    const auto sharing = std::count(match.blob.begin(), match.blob.end(), j);
     if (j < 0) continue;
+    // LEDs that run together share theirs; dark ones cover nothing.
+    const auto sharing = std::count(match.blob.begin(), match.blob.end(), j);
     areas.push_back(blobs[static_cast<std::size_t>(j)].area_px /
-                    static_cast<double>(sharing));
+                    static_cast<double>(all_lit ? sharing : 1));
   }
   if (areas.size() > 0 && *std::max_element(areas.begin(), areas.end()) >
                               kLargestImage * median(areas.begin(), areas.end())) {
