@@ -87,7 +87,7 @@ TEST(LedResolver, FollowsEveryLedWhereBlobsRunTogether) {
   EXPECT_LT(std::sqrt(square / leds), 0.12);
 }
 
-// Twice as bright as the others, two of them together cover more than four
+// Nearly three times as bright as the others, two of them together cover more than four
 // times what one of those does.
 TEST(LedResolver, BrightLedsThatRunTogetherAreNoLamp) {
   Rng rng(4);
@@ -110,8 +110,8 @@ TEST(LedResolver, BrightLedsThatRunTogetherAreNoLamp) {
       }
     }
     if (!(nearest > 2 && nearest < 4)) continue;
-    const auto shine = [&](std::size_t i) {
-      scene.picture.add(uv[i], scene.rig.leds.color(static_cast<int>(i)), 110, 0.9);
+    const auto shine = [&](std::size_t i, double peak) {
+      scene.picture.add(uv[i], scene.rig.leds.color(static_cast<int>(i)), peak, 0.9);
     };
     LedResolver resolver = scene.resolver();
     const auto follow = [&](Time t) {
@@ -119,11 +119,11 @@ TEST(LedResolver, BrightLedsThatRunTogetherAreNoLamp) {
       return resolver.follow(scene.picture.view(), scene.blobs(), scene.predicted(rng),
                              2.5, {scene.still.data(), scene.still.size()}, t);
     };
-    for (std::size_t i = 0; i < uv.size(); ++i) shine(i);
+    for (std::size_t i = 0; i < uv.size(); ++i) shine(i, 90);
     if (!follow(0)) continue;  // that all of them shine is not known
     ++runs;
-    shine(a);
-    shine(b);
+    shine(a, 160);
+    shine(b, 160);
     followed += follow(1).has_value();
   }
   RecordProperty("followed", followed);
