@@ -8,8 +8,8 @@ namespace alight {
 namespace {
 
 constexpr Seconds kGap = 0.3;
-// m/s: slower than any landing speed, and than what noise makes of one.
-constexpr double kSinks = 0.2, kStill = 0.12;
+// m/s: slower than any landing speed, faster than a dead reckoning makes up.
+constexpr double kSinks = 0.25, kStill = 0.18;
 constexpr Seconds kStillFor = 0.4;
 // m: a second of a climb that is told 0.1 m/s wrong, and what the rig may be off.
 constexpr double kNearFloor = 0.15;
