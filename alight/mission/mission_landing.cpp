@@ -26,7 +26,8 @@ constexpr int kPlanlessMax = 3;
 constexpr Seconds kNoLag = 1e-6;
 // Above the commit height a descent still stops.
 constexpr double kStopsWithin = 0.03;  // m
-// One that has begun to stop comes to rest so far below it.
+// One that comes to rest so far below it waits there; further down the end of a landing
+// has begun, which no longer stops.
 constexpr double kWaitsDownTo = 0.03;  // m
 // A gust that pushes a waiting drone through the commit height passes again. So a miss
 // is refused only this far below, where it still can leave, or where it sinks there in
@@ -247,7 +248,7 @@ bool Mission::wait_low(const MissionInput& in, const FlatState& ref, double miss
       const bool may_stop = in.x.p_NB.z() > commit_height + kStopsWithin &&
                             maneuver_.stops_at_z(acts) > gear_height_ + kFeetClear;
       pace = quiet_deck_.waits(in, maneuver_, miss, may_stop) ? 0 : 1;
-    } else {
+    } else if (maneuver_.stops_at_z(acts) > commit_height - kWaitsDownTo) {
       const double tired = std::exp2(maneuver_.lag(in.now) / config_.wait_more_s);
       const double small = std::min(
           std::max(config_.wait_share * usual_miss_.rms(), config_.wait_least_m),
