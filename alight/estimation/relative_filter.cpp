@@ -21,20 +21,25 @@ constexpr double kLost = 100;          // m, standard deviation; nothing is know
 constexpr double kTurnRateSd = 1;      // rad/s, at reset
 constexpr Seconds kTurnMemory = 1;     // drones do not go on turning
 // A drone that does not move as the model says (in a hand, on a cable) makes the
-// process noise grow at once with what pictures find improbable; else it follows,
-// picture by picture, what the corrections of thrust and turn add up to.
-constexpr double kRestlessLeast = 0.003, kRestlessMost = 100;
-constexpr double kImprobable = 2;       // mean NIS, 1 by the model
+// process noise grow at once with what pictures find improbable, or with corrections of
+// thrust and turn that add up to what they hardly ever do; else it follows these sums,
+// picture by picture.
+constexpr double kRestlessLeast = 0.0003, kRestlessMost = 100;
+constexpr double kImprobable = 2;       // mean NIS, 1 by the model;
+constexpr double kImprobableTrend = 2;  // mean square of those sums
 constexpr double kRestlessGain = 0.05;  // share of what it is off that counts at once
 // Drones move smoothly: their corrections go on for a while that white noise would not
 // have, even where the covariance is true (sines and splines, flights of both
 // renderers).
 constexpr double kSmooth = 2.4;
-constexpr double kTrendMost = 4;  // one picture may be off by chance
 // Six LEDs show six directions of their errors. What is learnt from these varies; the
 // mean of 1 / chi^2 of six degrees of freedom is 1.5 / 6.
 constexpr double kLedCaution = 1.2247;  // sqrt(1.5)
 constexpr double kLeftLeast = 0.1;  // of a residual's variance, whatever is computed
+// By how much more it may be pushed aside while few pictures have told how it moves: it
+// may be carried.
+constexpr double kCarried = 2.75;
+constexpr double kCarriedFor = 60;  // pictures, less and less
 constexpr double kTurnAside = 0.2;  // rad; a turn so far off tells nothing of its rate
 
 bool finite(const PlatformState& p) {
@@ -228,6 +233,12 @@ Result<void> RelativeFilter::predict_to(Time t, const PredictionInput& given) {
   if (!config_.estimate_disturbance) {
     noise.disturbance = noise.updraught = noise.bias = noise.thrust = 0;
   }
+  if (noise.turn > 0) {
+    const double told = std::min(updates_ / kCarriedFor, 1.0);
+    const double more = kCarried + (1 - kCarried) * told;
+    noise.disturbance *= more;
+    noise.updraught *= more;
+  }
   // However restless a drone is, its drag is its own.
   if (config_.estimate_drag) noise.bias /= std::sqrt(restless_);
   const Transition transition(F);
@@ -302,8 +313,9 @@ void RelativeFilter::learn_restlessness() {
   const double mean = sum / (2 * report_.used);  // 1 by the model
   const double trend = 0.5 * (of_d_.ratio() + of_turn_.ratio()) / kSmooth;
   const double gain = std::max(kRestlessGain, 1.0 / (updates_ + 1));
-  const double factor =
-      mean > kImprobable ? mean : 1 + gain * (std::min(trend, kTrendMost) - 1);
+  double factor = 1 + gain * (trend - 1);
+  if (trend > kImprobableTrend) factor = trend;
+  if (mean > kImprobable) factor = mean;
   restless_ = std::clamp(factor * restless_, kRestlessLeast, kRestlessMost);
 }
 

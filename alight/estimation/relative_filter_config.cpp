@@ -97,12 +97,12 @@ RelativeFilterConfig RelativeFilterConfig::camera_only() {
   c.model = ProcessModel::hover;
   // A drone's force lies along z of B, so that its attitude tells of its acceleration;
   // how large it is, and how fast the drone turns, changes within tenths of a second,
-  // its drag hardly.
+  // its drag and what pushes it aside hardly.
   c.estimate_drag = true;
   c.noise = {.rate = 0.006,
              .acceleration = 0.006,
-             .disturbance = 0.55,
-             .updraught = 0.55,
+             .disturbance = 0.2,
+             .updraught = 0.2,
              .bias = 0.01,
              .thrust = 2.5,
              .turn = 2};

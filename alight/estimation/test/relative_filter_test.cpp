@@ -586,6 +586,29 @@ TEST(RelativeFilter, LightsThatRunTogetherTellOfTheirNoiseToo) {
   EXPECT_LT(nees, 9);
 }
 
+TEST(RelativeFilter, VelocitiesOfWhatRestsAreStatedToBeWellKnown) {
+  const Rig rig = alan_rig();
+  RelativeFilter filter =
+      RelativeFilter::create(RelativeFilterConfig::camera_only(), rig.camera, rig.leds)
+          .value();
+  RelativeState x;
+  x.p_NB = Vector3(-0.85, 0, 0.6);
+  filter.reset(0, x, start_covariance());
+  Rng rng(8);
+  double square = 0, stated = 0;
+  for (int k = 1; k <= 600; ++k) {
+    const Time t = from_seconds(k / 60.0);
+    ASSERT_TRUE(filter.predict_to(t, {}).has_value());
+    ASSERT_TRUE(filter.update(picture(rig.camera, rig.leds, x.X_NB(), t, 0.02, rng))
+                    .has_value());
+    if (k <= 300) continue;
+    square += filter.state().v_NB.squaredNorm();
+    stated += filter.covariance().bottomRightCorner<3, 3>().trace();
+  }
+  EXPECT_LT(std::sqrt(stated / 300), 0.003);
+  EXPECT_LT(square, 1.2 * stated);
+}
+
 TEST(RelativeFilter, WhatMovesAfterLongRestIsFollowed) {
   for (const double push : {1.0, 2.0, 4.0}) {  // m/s^2, from one picture to the next
     const Rig rig = alan_rig();
