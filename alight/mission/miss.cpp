@@ -19,8 +19,8 @@ void UsualMiss::see(double miss, Time now) {
   if (!(dt > 0) || !std::isfinite(miss)) return;
   // A plain mean until as much has been seen as is remembered.
   known_s_ = std::min(known_s_ + dt, kRemembered);
-  mean_square_ = first ? miss * miss
-                       : mean_square_ + dt / known_s_ * (miss * miss - mean_square_);
+  mean_square_ =
+      first ? miss * miss : mean_square_ + dt / known_s_ * (miss * miss - mean_square_);
 }
 
 double UsualMiss::rms() const { return known_s_ > 0 ? std::sqrt(mean_square_) : 0; }

@@ -8,9 +8,9 @@ namespace alight {
 /// on: where the drone would touch is its place and so much of its speed.
 constexpr Seconds kMissAhead = 0.25;
 
-/// What misses a drone has had lately, in this wind and after this platform: the root of
-/// their mean square, of which each counts less by its age. One that is far smaller is
-/// rare, and long to wait for.
+/// What misses a drone has had lately, in this wind and after this platform: the root
+/// of their mean square, of which each counts less by its age. One that is far smaller
+/// is rare, and long to wait for.
 class UsualMiss {
  public:
   /// Nothing is known yet.

@@ -1,9 +1,9 @@
 #pragma once
 #include "alight/mission/into_view.h"
 #include "alight/mission/maneuver.h"
+#include "alight/mission/miss.h"
 #include "alight/mission/mission_config.h"
 #include "alight/mission/mission_input.h"
-#include "alight/mission/miss.h"
 #include "alight/mission/quiet_deck.h"
 #include "alight/mission/touch_down.h"
 

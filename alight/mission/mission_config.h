@@ -51,11 +51,11 @@ struct MissionConfig {
   double wait_error_m = 0.018;  ///< At most; 0: it never waits.
   double wait_least_m = 0.010;  ///< No smaller than that or wait_error_m.
   double wait_share = 0.35;
-  double wait_more_s = 4;       ///< Or twice that after so long, and so on.
-  double wait_room_m = 0.12;    ///< Above the commit height: there it may wait.
-  double quiet_deg = 3;         ///< A deck that swings is touched when it leans no more
-                                ///< than this against the drone. 0: whenever.
-  double quiet_more_s = 8;      ///< Or twice that after so long, thrice after twice it.
+  double wait_more_s = 4;     ///< Or twice that after so long, and so on.
+  double wait_room_m = 0.12;  ///< Above the commit height: there it may wait.
+  double quiet_deg = 3;       ///< A deck that swings is touched when it leans no more
+                              ///< than this against the drone. 0: whenever.
+  double quiet_more_s = 8;    ///< Or twice that after so long, thrice after twice it.
   double go_around_error_m = 0.35;
   double sight_lost_s = 0.25;  ///< Without a tracked frame: lost target.
   // A lost target is searched for from above the follow point, and soon: blown off at
