@@ -610,16 +610,12 @@ void RelativeEstimator::expect(const Pose& X_NB, const Matrix6& cov) {
   ignores_twins_ = false;
   X_NB_expected_ = X_NB;
   cov_expected_ = cov;
-  rest_sum_.fill(Vector2::Zero());
-  rest_count_.fill(0);
+  rest_images_.forget();
 }
 
 void RelativeEstimator::remember_rest(const LedFrame& leds) {
   for (const LedObservation& o : leds.seen) {
-    if (!std::has_single_bit(o.leds)) continue;
-    const auto i = static_cast<std::size_t>(std::countr_zero(o.leds));
-    rest_sum_[i] += o.uv;
-    ++rest_count_[i];
+    if (std::has_single_bit(o.leds)) rest_images_.add(std::countr_zero(o.leds), o.uv);
   }
 }
 
@@ -628,11 +624,12 @@ Result<RestFit> RelativeEstimator::calibrate_at_rest() {
     return fail(Fault::too_few_points);
   }
   FixedVector<LedObservation, kMaxLeds> seen;
-  for (std::size_t i = 0; i < kMaxLeds; ++i) {
-    if (rest_count_[i] < config_.rest_pictures) continue;
+  for (int i = 0; i < leds_.size(); ++i) {
+    const auto uv = rest_images_.mean(i, config_.rest_pictures);
+    if (!uv) continue;
     LedObservation o;
     o.leds = static_cast<std::uint16_t>(1u << i);
-    o.uv = rest_sum_[i] / rest_count_[i];
+    o.uv = *uv;
     seen.push_back(o);
   }
   const auto fit = alight::calibrate_at_rest(

@@ -3,6 +3,7 @@
 #include "alight/estimation/led_learner.h"
 #include "alight/estimation/relative_filter.h"
 #include "alight/estimation/rest_calibration.h"
+#include "alight/estimation/rest_images.h"
 #include "alight/mission/landing_io.h"
 #include "alight/mission/motion_source.h"
 #include "alight/mission/pose_doubt.h"
@@ -300,9 +301,7 @@ class RelativeEstimator {
   bool sure_ = false;           // since it was found LEDs enough left no doubt
   bool ignores_twins_ = false;  // while it expects
   FixedVector<Blob, kMaxBlobs> no_twins_, apart_;
-  // Images at rest, summed up by LED.
-  std::array<Vector2, kMaxLeds> rest_sum_{};
-  std::array<int, kMaxLeds> rest_count_{};
+  RestImages rest_images_;
 };
 
 }  // namespace alight
