@@ -202,7 +202,7 @@ void turn_by_thrust(const ConstellationConfig& config, const Matrix3& prior,
   const Eigen::Matrix<double, 3, 2> K = prior.leftCols<2>() * S.inverse();
   const Matrix3 turn = so3_exp(K * axis->turn_rad);
   fit.turn_sd_rad = (prior - K * prior.topRows<2>()).diagonal().cwiseSqrt();
-  const Vector3 middle = middle_of(fit.leds);
+  const Vector3 middle = fit.leds.middle_B();
   for (int i = 0; i < fit.leds.size(); ++i) {
     Vector3& p_BL = fit.leds.leds[static_cast<std::size_t>(i)].p_BL;
     p_BL = middle + turn * (p_BL - middle);

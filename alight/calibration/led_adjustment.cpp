@@ -449,7 +449,7 @@ class Adjuster {
   /// How well shift, turn and size of the whole are known.
   void offsets(const State& x, const MatrixXd& cov, LedAdjustment& out) const {
     const int n = x.leds.size();
-    const Vector3 middle = middle_of(x.leds);
+    const Vector3 middle = x.leds.middle_B();
     MatrixXd turn(leds_, 3), shift(leds_, 3);
     VectorXd size(leds_);
     for (int i = 0; i < n; ++i) {
@@ -476,16 +476,10 @@ class Adjuster {
 
 }  // namespace
 
-Vector3 middle_of(const Constellation& leds) {
-  Vector3 middle = Vector3::Zero();
-  for (int i = 0; i < leds.size(); ++i) middle += leds.p_BL(i) / leds.size();
-  return middle;
-}
-
 Eigen::MatrixXd rigid_motions(const Constellation& leds) {
   const int n = leds.size();
   MatrixXd motions(3 * n, 6);
-  const Vector3 middle = middle_of(leds);
+  const Vector3 middle = leds.middle_B();
   for (int i = 0; i < n; ++i) {
     motions.block<3, 3>(3 * i, 0) = Matrix3::Identity();
     motions.block<3, 3>(3 * i, 3) = -hat(leds.p_BL(i) - middle) * 10;

@@ -73,9 +73,6 @@ Result<LedAdjustment> adjust_leds(const LedAdjustmentConfig& config,
                                   const Constellation& start,
                                   std::span<const ObservedFrame> frames);
 
-/// Mean of its LEDs' places.
-Vector3 middle_of(const Constellation& leds);
-
 /// Rigid motion of a constellation: six directions of 3 n coordinates, orthonormal.
 Eigen::MatrixXd rigid_motions(const Constellation& leds);
 

@@ -22,6 +22,12 @@ struct Constellation {
   int size() const { return static_cast<int>(leds.size()); }
   const Vector3& p_BL(int i) const { return leds[static_cast<std::size_t>(i)].p_BL; }
   LedColor color(int i) const { return leds[static_cast<std::size_t>(i)].color; }
+  /// Mean of the LEDs' places.
+  Vector3 middle_B() const {
+    Vector3 middle = Vector3::Zero();
+    for (const Led& led : leds) middle += led.p_BL / size();
+    return middle;
+  }
 };
 
 struct CameraTiming {

@@ -36,21 +36,28 @@ Eigen::Matrix<double, N, 1> solve_positive(const Eigen::Matrix<double, N, N>& A,
   return x;
 }
 
+/// L^-1 of what stands in the lower half of `L`; `kUnit`: with ones on its diagonal,
+/// whatever stands there.
+template <bool kUnit, int N>
+Eigen::Matrix<double, N, N> inverse_of_lower(const Eigen::Matrix<double, N, N>& L) {
+  const auto diagonal = [&](int i) { return kUnit ? 1 : L(i, i); };
+  Eigen::Matrix<double, N, N> M = Eigen::Matrix<double, N, N>::Zero();
+  for (int c = 0; c < N; ++c) {
+    M(c, c) = 1 / diagonal(c);
+    for (int r = c + 1; r < N; ++r) {
+      double sum = 0;
+      for (int k = c; k < r; ++k) sum += L(r, k) * M(k, c);
+      M(r, c) = -sum / diagonal(r);
+    }
+  }
+  return M;
+}
+
 /// A^-1 = L^-T L^-1.
 template <int N>
 Eigen::Matrix<double, N, N> inverse_of(
     const Eigen::LLT<Eigen::Matrix<double, N, N>>& A) {
-  using Matrix = Eigen::Matrix<double, N, N>;
-  const Matrix& L = A.matrixLLT();  // in its lower half
-  Matrix M = Matrix::Zero();        // L^-1
-  for (int c = 0; c < N; ++c) {
-    M(c, c) = 1 / L(c, c);
-    for (int r = c + 1; r < N; ++r) {
-      double sum = 0;
-      for (int k = c; k < r; ++k) sum += L(r, k) * M(k, c);
-      M(r, c) = -sum / L(r, r);
-    }
-  }
+  const auto M = inverse_of_lower<false>(A.matrixLLT());
   return M.transpose().lazyProduct(M);
 }
 
@@ -59,15 +66,7 @@ template <int N>
 Eigen::Matrix<double, N, N> inverse_of(
     const Eigen::LDLT<Eigen::Matrix<double, N, N>>& A) {
   using Matrix = Eigen::Matrix<double, N, N>;
-  const Matrix& L = A.matrixLDLT();  // in its lower half
-  Matrix M = Matrix::Identity();     // L^-1
-  for (int c = 0; c < N; ++c) {
-    for (int r = c + 1; r < N; ++r) {
-      double sum = L(r, c);
-      for (int k = c + 1; k < r; ++k) sum += L(r, k) * M(k, c);
-      M(r, c) = -sum;
-    }
-  }
+  const Matrix M = inverse_of_lower<true>(A.matrixLDLT());
   const Matrix scaled = A.vectorD().cwiseInverse().asDiagonal() * M;
   // From the left twice, and the result is symmetric: from the right Eigen takes the
   // transpositions in the same order.

@@ -12,6 +12,11 @@ constexpr Seconds kGap = 0.1;    // no miss stands for longer
 
 }  // namespace
 
+double expected_miss(const RelativeState& x, const FlatState& reference) {
+  const Vector3 off = x.p_NB - reference.p_NB + kMissAhead * (x.v_NB - reference.v_NB);
+  return off.head<2>().norm();
+}
+
 void UsualMiss::see(double miss, Time now) {
   const bool first = known_s_ == 0;
   const Seconds dt = first ? kStep : std::min(to_seconds(now - last_), kGap);

@@ -1,5 +1,6 @@
 #pragma once
 #include "alight/base/time.h"
+#include "alight/geometry/flat_state.h"
 #include "alight/geometry/relative_state.h"
 
 namespace alight {
@@ -7,6 +8,9 @@ namespace alight {
 /// An error of speed counts for as long as the rest of a landing takes from the commit
 /// on: where the drone would touch is its place and so much of its speed.
 constexpr Seconds kMissAhead = 0.25;
+
+/// How far off its way a drone in `x` would touch, level, were the commit now, m.
+double expected_miss(const RelativeState& x, const FlatState& reference);
 
 /// What misses a drone has had lately, in this wind and after this platform: the root
 /// of their mean square, of which each counts less by its age. One that is far smaller

@@ -123,8 +123,6 @@ class Mission {
   void follow(const MissionInput& in, Output& out);
   void rendezvous(const MissionInput& in, Output& out);
   void land(const MissionInput& in, Command& c, Output& out);
-  /// How far off its way it would touch, level, were the commit now, m.
-  double expected_miss(const MissionInput& in) const;
   /// Gusts pass, and decks come round: better to wait above the pad than to touch
   /// beside its middle or on the edge of a foot.
   /// @returns It waits, and is not to be committed to its landing.

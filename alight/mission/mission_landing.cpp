@@ -162,14 +162,9 @@ void Mission::take_way_back(const MissionInput& in) {
   has_next_ = true;
 }
 
-double Mission::expected_miss(const MissionInput& in) const {
-  const FlatState ref = maneuver_.at(in.now);
-  return horizontal(in.x.p_NB - ref.p_NB + kMissAhead * (in.x.v_NB - ref.v_NB));
-}
-
 void Mission::rendezvous(const MissionInput& in, Output& out) {
   if (overruled(in, out)) return;
-  usual_miss_.see(expected_miss(in), in.now);
+  usual_miss_.see(expected_miss(in.x, maneuver_.at(in.now)), in.now);
   if (unseen(in) > config_.sight_lost_s) {
     go(MissionState::lost_target, words_for(in.blindness).lost, in, out);
     return;
@@ -287,7 +282,7 @@ void Mission::land(const MissionInput& in, Command& c, Output& out) {
     c.f_rest_N = touch_down_.leans_against_N();
     return;
   }
-  const double miss = expected_miss(in);
+  const double miss = expected_miss(in.x, ref);
   usual_miss_.see(miss, in.now);
   if (committed_) c.square_up = touch_down_.square_up(in, miss);
   if (!committed_) replan(in, out);

@@ -9,16 +9,10 @@
 namespace alight {
 namespace {
 
-Vector3 middle_of(const Constellation& leds) {
-  Vector3 sum = Vector3::Zero();
-  for (const Led& led : leds.leds) sum += led.p_BL / leds.size();
-  return sum;
-}
-
 double radius_of(const Constellation& leds) {
   double radius = 0;
   for (const Led& led : leds.leds) {
-    radius = std::max(radius, (led.p_BL - middle_of(leds)).norm());
+    radius = std::max(radius, (led.p_BL - leds.middle_B()).norm());
   }
   return radius;
 }
@@ -53,7 +47,7 @@ void LedFinder::set_rig(const Camera& camera, const Constellation& leds,
                         double led_sd_m) {
   search_->camera = camera;
   search_->leds = leds;
-  search_->centre_B = middle_of(leds);
+  search_->centre_B = leds.middle_B();
   search_->radius_m = radius_of(leds);
   search_->config.led_sd_m = led_sd_m;
   search_->prepare_corners();
@@ -78,7 +72,7 @@ LedFinder::Search::Search(const LedFinderConfig& config_in, const Camera& camera
       camera(camera_in),
       leds(leds_in),
       pad_size_m(pad_size_in),
-      centre_B(middle_of(leds_in)),
+      centre_B(leds_in.middle_B()),
       radius_m(radius_of(leds_in)),
       shapes(camera, leds, config.range_min_m, config.range_max_m,
              config.tilt_max_deg * kDegree,

@@ -107,8 +107,7 @@ ShapeTable::ShapeTable(const Camera& camera, const Constellation& leds,
   bits_.assign(kAngles * kGrid * kGrid * words_, 0);
   const Intrinsics& lens = camera.intrinsics;
   const Pose X_CN = camera.X_NC.inverse();
-  Vector3 centre_B = Vector3::Zero();
-  for (const Led& led : leds.leds) centre_B += led.p_BL / leds.size();
+  const Vector3 centre_B = leds.middle_B();
   const auto about_x = [](double angle) {
     const double c = std::cos(angle), s = std::sin(angle);
     return Matrix3{{1, 0, 0}, {0, c, -s}, {0, s, c}};
