@@ -177,6 +177,7 @@ class Mission {
   // Sight or the link was lost before the drone was known to fly.
   bool coming_down_ = false, for_the_link_ = false;
   Time coming_down_since_ = 0;
+  double ramp_most_ = 0;            // that this start has asked for
   bool left_ = false;               // aborted: the autopilot has been told to land
   bool floor_told_ = false;         // that it stands there
   bool for_want_of_sight_ = false;  // aborted: nothing else was wrong

@@ -342,6 +342,10 @@ void Mission::pilot(const MissionInput& in, Command& c, Output& out) {
     c.mode = in.estimate_valid ? Command::Mode::track : Command::Mode::silent;
     return;
   }
+  if (in.mode == AutopilotMode::failsafe) {
+    go(MissionState::lost_link, kFailsafe, in, out);
+    return;
+  }
   if (fresh != seen_by_pilot_ && to_seconds(in.now - told_) > kNotesApart) {
     seen_by_pilot_ = fresh;
     note(fresh ? "the pilot flies, the LEDs are in sight"

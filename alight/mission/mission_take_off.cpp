@@ -110,6 +110,7 @@ void Mission::armed(const MissionInput& in, Command& c, Output& out) {
   } else if (in.armed && in.link->healthy(in.now)) {
     ++starts_;
     coming_down_ = false;
+    ramp_most_ = config_.ramp_from;
     go(MissionState::taken_off, "armed: taking off", in, out);
   } else if (in_state(in) > config_.arm_timeout_s) {
     c.order = AutopilotOrder::disarm;
@@ -153,7 +154,7 @@ void Mission::taken_off(const MissionInput& in, Command& c, Output& out) {
   if (obeyed_ &&
       (in.mode == AutopilotMode::failsafe || in.mode == AutopilotMode::land)) {
     const char* reason = in.computer_was_late ? kStoodStill : kFailsafe;
-    if (share < kStillStands && starts_ < config_.starts_max) {
+    if (ramp_most_ < kStillStands && starts_ < config_.starts_max) {
       c.order = AutopilotOrder::disarm;
       disarms_ = true;
       last_order_ = in.now;
@@ -180,6 +181,7 @@ void Mission::taken_off(const MissionInput& in, Command& c, Output& out) {
     coming_down_since_ = in.now;
   }
   if (coming_down_) c.ramp_share = std::min(c.ramp_share, kComingDown);
+  ramp_most_ = std::max(ramp_most_, c.ramp_share);
   const Vector3 way = in.x_seen.p_NB - p_rest_;
   const double tipped =
       angle_between(Vector3(in.x_seen.R_NB.col(2)), Vector3(R_rest_.col(2)));

@@ -6,8 +6,10 @@
 namespace alight {
 namespace {
 
-// m within touch_settled_s: a third of what a landing sinks in that time.
+// m within touch_settled_s: a third of what a landing sinks in that time; and what it
+// moves along the pad when it slides faster than its feet forgive.
 constexpr double kStillSinking = 0.005;
+constexpr double kStillSliding = 0.008;
 // m above gear height, an LED rig's error; m/s.
 constexpr double kTouchHighest = 0.1;
 constexpr double kStanding = 0.05;
@@ -35,6 +37,11 @@ constexpr Seconds kFlareIsSet = 0.4;  // before the end,
 constexpr double kWaits = 0.1;        // unless it waits: at a pace below this
 // m/s^2; a wider swing takes longer, that its jerk grows by as much as itself only.
 constexpr double kFlareWide = 1.5;
+// A push as strong as that of 30 km/h is leant against down to the pad, but for so
+// much, m/s^2: set-points are lost for 0.2 s now and then, and a drone that was told to
+// be upright before is blown back as long, and trips over its feet. From what push on,
+// and how much more with each m/s^2 of it:
+constexpr double kLeansFrom = 2.2, kLeansMore = 2, kLeansLess = 0.5;
 // When the feet come down is not known better than this, s. Upright for as long it
 // gains speed, m/s, at most:
 constexpr Seconds kUprightFor = 0.03;
@@ -54,8 +61,20 @@ constexpr double kSinking = 0.05, kStillFlies = 0.02;
 constexpr Seconds kFlareLead = 0.25;
 // Held down by the last thrust for so much longer, s, it will not get more upright.
 constexpr Seconds kTiltedLonger = 0.15;
+// Where it slides its feet would trip it: what is left of thrust keeps it upright, and
+// weight on the feet. A radio that was silent as thrust was to go has it slide most.
+constexpr double kUprightBy = 0.15;
+constexpr Seconds kSlidesLonger = 0.35;
+// Nothing heard of it for so long, s, it may not hear either.
+constexpr Seconds kMayBeDeaf = 0.1;
 
 double horizontal(const Vector3& v) { return v.head<2>().norm(); }
+
+/// By how much less it may lean than a push asks for, m/s^2, as it touches.
+double leans_less(double push) {
+  const double more = std::max(push - kLeansFrom, 0.0);
+  return std::max(std::min(push, kLeansFrom) - kLeansMore * more, kLeansLess);
+}
 
 }  // namespace
 
@@ -75,6 +94,11 @@ Seconds TouchDown::begins_before_end() const {
          kControlAhead;
 }
 
+double TouchDown::flare_most(double push) const {
+  return std::min(
+      {config_.flare_share * push, config_.flare_max_m_s2, leans_less(push)});
+}
+
 Seconds TouchDown::flare_lasts(double a) const {
   return config_.flare_s * std::sqrt(std::max(a / kFlareWide, 1.0));
 }
@@ -90,7 +114,7 @@ void TouchDown::flare(const MissionInput& in, Maneuver& maneuver) {
     // Upright on the pad, whatever wind and turns would have it lean.
     Vector3 a_N = -config_.flare_share * in.f_touch_N;
     a_N.z() = 0;
-    const double a = std::min(a_N.norm(), config_.flare_max_m_s2);
+    const double a = flare_most(horizontal(in.f_touch_N));
     a_N = a * a_N.stableNormalized();
     const double left = horizontal(in.f_touch_N + a_N) / kGravity;
     const Seconds lower = std::min(foot_spread() * left / sink, kFlareEarly);
@@ -147,15 +171,22 @@ double TouchDown::square_up(const MissionInput& in, double miss) {
     // Once: it drifts for squaring up, too.
     square_up_most_ = std::clamp(2 - miss / kSquareUpWithin, 0.0, 1.0);
   }
-  return std::min(share, square_up_most_);
+  const double push = horizontal(in.f_touch_N);
+  const double leans = push - flare_most(push);
+  const double gives = std::max(leans_less(push) - flare_most(push), 0.0);
+  const double most = leans > gives ? gives / leans : 1.0;
+  return std::min({share, square_up_most_, most});
 }
 
 Seconds TouchDown::not_sinking_for(const MissionInput& in) {
-  const double z = in.x_seen.p_NB.z();
-  if (!low_ || z < low_z_ - kStillSinking) {
+  const Vector3& p = in.x_seen.p_NB;
+  const bool sank = p.z() < low_p_.z() - kStillSinking;
+  // Its motors stopped while it slides, a drone trips over its own feet.
+  const bool slid = settling_ && horizontal(p - low_p_) > kStillSliding;
+  if (!low_ || sank || slid) {
     low_ = true;
     low_since_ = in.now;
-    low_z_ = z;
+    low_p_ = p;
   }
   return to_seconds(in.now - low_since_);
 }
@@ -180,17 +211,21 @@ void TouchDown::feel(const MissionInput& in, const Maneuver& maneuver) {
 
 double TouchDown::thrust_share(Time now) const {
   const double passed = to_seconds(now - settle_since_) / config_.settle_down_s;
-  return config_.settle_share * std::max(0.0, 1 - passed);
+  return std::max(config_.settle_share * (1 - passed), kUprightBy);
 }
 
 bool TouchDown::stands(const MissionInput& in) {
   if (!settling_) return false;
   const Seconds settling = to_seconds(in.now - settle_since_);
   if (unseen(in) > config_.sight_lost_s) return settling >= config_.settle_down_s;
+  // Seen before its thrust went, it may have been held up by that.
+  const bool early = to_seconds(in.seen - settle_since_) < in.acts_in;
+  if (early || in.link->silence(in.now) > kMayBeDeaf) low_ = false;
   const Seconds still = not_sinking_for(in);
   const bool upright = in.x.R_NB(2, 2) > std::cos(config_.upright_deg * kDegree);
-  if (!upright && settling < config_.settle_down_s + kTiltedLonger) return false;
-  return still >= config_.touch_settled_s || settling >= config_.settle_down_s;
+  const Seconds over = settling - config_.settle_down_s;
+  if (still < config_.touch_settled_s) return over >= kSlidesLonger;
+  return upright || over >= kTiltedLonger;
 }
 
 const char* TouchDown::moved(const MissionInput& in) {

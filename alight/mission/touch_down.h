@@ -48,6 +48,8 @@ class TouchDown {
   const char* how_it_stands(const MissionInput& in) const;
 
  private:
+  /// By how much the flare lessens the lean that a push asks for, m/s^2.
+  double flare_most(double push) const;
   Seconds flare_lasts(double a) const;
   bool may_touch(const MissionInput& in, const Maneuver& maneuver) const;
   bool carried(const MissionInput& in);
@@ -67,7 +69,7 @@ class TouchDown {
   Vector3 f_touch_N_ = Vector3(0, 0, kGravity);
   bool low_ = false;  // not sinking any more, since:
   Time low_since_ = 0;
-  double low_z_ = 0;
+  Vector3 low_p_ = Vector3::Zero();
   bool bounced_ = false, slid_ = false;
 };
 

@@ -90,26 +90,30 @@ class Tally {
   }
 
   /// Also when the brain is not run.
-  void lost_link(const TruthState& truth, const ContactReport& contact) {
-    const bool alone = truth.mode == AutopilotMode::failsafe && contact.flown &&
+  /// @param cut_off  Nothing gets from the brain to the drone, or back.
+  void lost_link(const TruthState& truth, const ContactReport& contact, bool cut_off) {
+    // Also one that is left so while its motors lift it off the pad.
+    const bool alone = truth.mode == AutopilotMode::failsafe && truth.motors_running &&
                        !contact.touched_down && !contact.landed_elsewhere;
     if (alone && !alone_) {
       alone_from_ = truth.X_IB.translation().head<2>();
       over_platform_ = !outline_.clear(truth.X_NB.translation());
     }
     alone_ = alone;
-    if (alone) alone_until_ = truth.t;
-    if (!met_ && (contact.touched_down || contact.struck)) {
+    if (alone && cut_off) helpless_until_ = truth.t;
+    if (alone && !lost_link_ && (contact.flown || contact.struck)) {
+      lost_link_ = {0, 0, false};
+    }
+    if (!met_ && (contact.touched_down || contact.struck || contact.landed_elsewhere)) {
       met_ = true;
       if (lost_link_) {
         lost_link_->helpless =
-            over_platform_ && to_seconds(truth.t - alone_until_) < kHelpless;
+            over_platform_ && to_seconds(truth.t - helpless_until_) < kHelpless;
       }
     }
-    if (!alone) return;
+    if (!alone || met_ || !contact.flown) return;
     const double way = (truth.X_IB.translation().head<2>() - alone_from_).norm();
     const double sink = -truth.v_IB.z();
-    if (!lost_link_) lost_link_ = {0, 0, false};
     lost_link_->drift_m = std::max(lost_link_->drift_m, way);
     lost_link_->sink_m_s = std::max(lost_link_->sink_m_s, sink);
   }
@@ -131,7 +135,7 @@ class Tally {
  private:
   PlatformOutline outline_;
   bool alone_ = false, over_platform_ = false, met_ = false;
-  Time alone_until_ = 0;
+  Time helpless_until_ = 0;
   Vector2 alone_from_ = Vector2::Zero();
   std::optional<LandingResult::LostLink> lost_link_;
   bool begun_ = false;
@@ -236,6 +240,7 @@ class Loop {
   Result<void> gather(Time now);
   void operator_of_faults(Time now);
   void carry_out(Time now);
+  bool cut_off(Time now) const;
   void judge(LandingResult& result) const;
 
   const LandingRunOptions& options_;
@@ -388,6 +393,15 @@ void Loop::operator_of_faults(Time now) {
   operator_heard_ = now;
 }
 
+bool Loop::cut_off(Time now) const {
+  constexpr std::array<FaultKind, 5> kCut = {
+      FaultKind::radio_stall, FaultKind::radio_out, FaultKind::uplink_out,
+      FaultKind::telemetry_out, FaultKind::computer_stall};
+  return std::any_of(kCut.begin(), kCut.end(), [&](FaultKind kind) {
+    return world_->fault(kind, now) != nullptr;
+  });
+}
+
 void Loop::carry_out(Time now) {
   world_->send(out_.setpoint, now);
   if (out_.has_external_pose) world_->send(out_.external_pose, now);
@@ -448,8 +462,9 @@ void Loop::judge(LandingResult& result) const {
   } else if (stopped) {
     result.outcome = Outcome::refused;  // it ended before it had flown
   } else if (mission.state == MissionState::hold ||
-             mission.state == MissionState::pilot) {
-    result.outcome = Outcome::held;
+             mission.state == MissionState::pilot ||
+             world_->truth().mode == AutopilotMode::hold) {
+    result.outcome = Outcome::held;  // also by a pilot of whom nothing is heard
   } else if (mission.state == MissionState::aborted) {
     result.outcome = Outcome::aborted;
   } else {
@@ -465,7 +480,7 @@ Result<LandingResult> Loop::run() {
   Time now = 0;
   for (now = period; now <= end; now += period) {
     world_->advance_to(now);
-    tally_.lost_link(world_->truth(), world_->contact());
+    tally_.lost_link(world_->truth(), world_->contact(), cut_off(now));
     if (auto good = take_pictures(now); !good) return fail(good.error());
     if (world_->fault(FaultKind::computer_stall, now) != nullptr) continue;
     if (auto good = gather(now); !good) return fail(good.error());

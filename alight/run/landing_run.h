@@ -63,8 +63,9 @@ struct LandingResult {
   /// the ground from where that began, and how fast it sank.
   struct LostLink {
     double drift_m, sink_m_s;
-    /// It began over the platform, and the drone met that before the brain could do
-    /// anything about it: no abort was possible.
+    /// It began on or over the platform, and the drone met that or the floor while
+    /// nothing got from the brain to it or back, or less than 0.5 s after: no abort was
+    /// possible.
     bool helpless = false;
   };
   std::optional<LostLink> lost_link;

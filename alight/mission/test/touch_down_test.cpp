@@ -31,7 +31,27 @@ class TouchDownTest : public ::testing::Test {
     in.x_seen = in.x;
     in.z_acted = in.x.p_NB.z() - 0.25 * 0.1;
     in.f_touch_N = Vector3(push, 0, kGravity);
+    in.link = &link_;
     return in;
+  }
+
+  /// The feet take the weight at 2 s; then it moves by `v_N` until `rests`, and leans
+  /// by `tilt`. When it is known to stand.
+  Seconds stands_at(const Vector3& v_N, Seconds rests, double tilt = 0,
+                    Seconds acts_in = 0, Time heard = from_seconds(1000)) {
+    TouchDown touch(config_, rig_);
+    touch.begin();
+    link_ = LinkMonitor();
+    link_.heard(heard);
+    for (Seconds t = 2; t < 4; t += kStep) {
+      MissionInput in = at(t, 0.0, tilt);
+      in.acts_in = acts_in;
+      in.x.v_NB.setZero();
+      in.x_seen.p_NB += std::min(t - 2, rests) * v_N;
+      touch.feel(in, maneuver_);
+      if (touch.stands(in)) return t;
+    }
+    return 4;
   }
 
   /// How high above its feet's height a drone sinking by the plan is when thrust goes.
@@ -50,6 +70,7 @@ class TouchDownTest : public ::testing::Test {
   Rig rig_ = alan_rig();
   TouchDown touch_;
   Maneuver maneuver_;
+  LinkMonitor link_;
 };
 
 TEST_F(TouchDownTest, KeepsItsThrustUntilTheFeetAreNearThePad) {
@@ -107,33 +128,43 @@ TEST_F(TouchDownTest, DropsSoonerTheHarderItIsBlown) {
   EXPECT_LT(stormy - 0.025, 0.0051 + 0.25 * kStep);
 }
 
-TEST_F(TouchDownTest, ThrustGoesEvenlyToNothing) {
+TEST_F(TouchDownTest, ThrustGoesEvenlyToWhatStillKeepsItUpright) {
   touch_.feel(at(2, 0.0), maneuver_);
   double last = 1;
   for (Seconds t = 2; t < 2.5; t += kStep) {
     const double share = touch_.thrust_share(from_seconds(t));
     EXPECT_LE(share, last);
-    EXPECT_GE(share, 0);
     last = share;
   }
-  EXPECT_EQ(last, 0);
+  EXPECT_NEAR(last, 0.15, 0.05);
 }
 
 TEST_F(TouchDownTest, ATiltedDroneDoesNotStandYetButNotForEver) {
-  TouchDown level(config_, rig_), tilted(config_, rig_);
-  Seconds stands_level = 0, stands_tilted = 0;
-  for (Seconds t = 2; t < 4; t += kStep) {
-    MissionInput in = at(t, 0.0);
-    in.x.v_NB.setZero();
-    level.feel(in, maneuver_);
-    if (stands_level == 0 && level.stands(in)) stands_level = t;
-    in = at(t, 0.0, 15 * kDegree);
-    tilted.feel(in, maneuver_);
-    if (stands_tilted == 0 && tilted.stands(in)) stands_tilted = t;
-  }
-  EXPECT_GT(stands_level, 2);
-  EXPECT_GT(stands_tilted, stands_level + 0.1);
-  EXPECT_LT(stands_tilted, 2 + config_.settle_down_s + 0.3);
+  const Seconds level = stands_at(Vector3::Zero(), 0);
+  const Seconds tilted = stands_at(Vector3::Zero(), 0, 15 * kDegree);
+  EXPECT_NEAR(level, 2 + config_.touch_settled_s, 1.5 * kStep);
+  EXPECT_GT(tilted, level + 0.1);
+  EXPECT_LT(tilted, 2 + config_.settle_down_s + 0.3);
+}
+
+// Motors that stop while it slides have its feet trip it.
+TEST_F(TouchDownTest, ADroneThatSlidesDoesNotStandUntilItRestsButNotForEver) {
+  const Vector3 v_N(-0.4, 0, 0);
+  EXPECT_NEAR(stands_at(v_N, 0.3), 2.3 + config_.touch_settled_s, 2.5 * kStep);
+  const Seconds always = stands_at(v_N, 10);
+  EXPECT_GT(always, 2.5);
+  EXPECT_LT(always, 2.7);
+  EXPECT_LT(stands_at(Vector3(0.05, 0, 0), 10), 2.2) << "no faster than feet forgive";
+}
+
+// The radio lost 0.15 s of set-points: held up by the thrust that was to go it did not
+// sink, and motors that stopped only then found it sliding at 0.4 m/s.
+TEST_F(TouchDownTest, WhatItsThrustMayStillHoldUpDoesNotStand) {
+  const Seconds soon = stands_at(Vector3::Zero(), 0);
+  EXPECT_NEAR(stands_at(Vector3::Zero(), 0, 0, 0.1), soon + 0.1, 1.5 * kStep);
+  const Seconds deaf = stands_at(Vector3::Zero(), 0, 0, 0, from_seconds(1.9));
+  EXPECT_GT(deaf, soon + 0.3);
+  EXPECT_LT(deaf, 2.7);
 }
 
 TEST_F(TouchDownTest, UnseenItSettlesByPredictionOnly) {
@@ -215,7 +246,7 @@ TEST_F(TouchDownTest, TheLastThrustLeansAgainstWhatWouldThrowItOver) {
 }
 
 TEST_F(TouchDownTest, ItIsUprightForAsLongAsTheTouchIsUnsure) {
-  for (const double push : {1.0, 3.0}) {
+  for (const double push : {1.0, 2.0}) {
     touch_.begin();
     for (Seconds t = 0.3; t < 1.9; t += kStep) {
       touch_.flare(at(t, 0.25 * (2 - t), 0, push), maneuver_);
@@ -235,6 +266,31 @@ TEST_F(TouchDownTest, TheReferenceEndsUprighter) {
   // Leaning by 2 m/s^2 keeps it in place; the reference accelerates the other way.
   EXPECT_NEAR(maneuver_.at(from_seconds(1.999)).a_NB.x(), -2 * config_.flare_share,
               0.15);
+}
+
+// At 30 km/h set-points are lost for 0.2 s now and then as it touches: told to be
+// upright before it is blown back all that time.
+TEST_F(TouchDownTest, AStrongPushIsLeantAgainstDownToThePad) {
+  double last = 10;
+  for (double push = 0.5; push < 4.5; push += 0.25) {
+    touch_.begin();
+    maneuver_ = Maneuver::landing(sinking_landing(gear()), 0, config_.sink_m);
+    for (Seconds t = 0.3; t < 1.9; t += kStep) {
+      touch_.flare(at(t, 0.25 * (2 - t), 0, push), maneuver_);
+    }
+    const double flared = -maneuver_.at(from_seconds(1.999)).a_NB.x();
+    const double squared = touch_.square_up(at(1.999, 0, 0, push), 0);
+    const double given = flared + squared * (push - flared);
+    if (push < 2.1) {
+      EXPECT_NEAR(given, push, 0.05);
+    } else {
+      EXPECT_LT(given, last + 1e-3) << push;
+      last = given;
+    }
+    if (push > 3.2) {
+      EXPECT_NEAR(given, 0.5, 0.05) << push;
+    }
+  }
 }
 
 }  // namespace

@@ -275,6 +275,36 @@ TEST(LandingFaults, APilotWhoKeepsItHasIt) {
       story({.kind = FaultKind::autopilot_mode, .at_s = 5, .for_s = 1000}, 5);
   EXPECT_EQ(s.result.outcome, Outcome::held);
   EXPECT_EQ(s.result.reason.find("the pilot"), 0u) << s.result.reason;
+  // Also one of whom nothing is heard.
+  LandingRunOptions options = test::options_of("circle", 1);
+  options.timeout_s = 14;
+  options.scenario.faults = {
+      {.kind = FaultKind::telemetry_out, .at_s = 8.6, .for_s = 1000},
+      {.kind = FaultKind::autopilot_mode, .at_s = 8.9, .for_s = 1000}};
+  const auto result = run_landing(options);
+  ASSERT_TRUE(result);
+  EXPECT_EQ(result->outcome, Outcome::held) << result->reason;
+}
+
+// Nothing gets to a drone any more that its motors just lift off a pad on the way:
+// nobody can help it. Where the radio is back in time somebody could have.
+TEST(LandingFaults, WhoCouldStillAbortIsNotHelpless) {
+  const auto lost = [](double for_s) {
+    LandingRunOptions options = test::options_of("circle", 1);
+    options.scenario.faults = {
+        {.kind = FaultKind::uplink_out, .at_s = 1.5, .for_s = for_s}};
+    const auto result = run_landing(options);
+    EXPECT_TRUE(result);
+    return *result;
+  };
+  const LandingResult good = lost(1000);
+  ASSERT_TRUE(good.lost_link);
+  EXPECT_EQ(good.outcome, Outcome::crashed);
+  EXPECT_TRUE(good.lost_link->helpless);
+  EXPECT_NE(good.reason.find("no abort was possible"), std::string::npos);
+  const LandingResult brief = lost(0.5);
+  EXPECT_TRUE(brief.outcome != Outcome::crashed || !brief.lost_link->helpless)
+      << brief.reason;
 }
 
 }  // namespace
