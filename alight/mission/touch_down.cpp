@@ -178,7 +178,7 @@ double TouchDown::square_up(const MissionInput& in, double miss) {
   return std::min({share, square_up_most_, most});
 }
 
-Seconds TouchDown::not_sinking_for(const MissionInput& in) {
+Seconds TouchDown::still_for(const MissionInput& in) {
   const Vector3& p = in.x_seen.p_NB;
   const bool sank = p.z() < low_p_.z() - kStillSinking;
   // Its motors stopped while it slides, a drone trips over its own feet.
@@ -196,7 +196,7 @@ bool TouchDown::carried(const MissionInput& in) {
     low_ = false;
     return false;
   }
-  return not_sinking_for(in) >= kCarriedFor;
+  return still_for(in) >= kCarriedFor;
 }
 
 void TouchDown::feel(const MissionInput& in, const Maneuver& maneuver) {
@@ -221,7 +221,7 @@ bool TouchDown::stands(const MissionInput& in) {
   // Seen before its thrust went, it may have been held up by that.
   const bool early = to_seconds(in.seen - settle_since_) < in.acts_in;
   if (early || in.link->silence(in.now) > kMayBeDeaf) low_ = false;
-  const Seconds still = not_sinking_for(in);
+  const Seconds still = still_for(in);
   const bool upright = in.x.R_NB(2, 2) > std::cos(config_.upright_deg * kDegree);
   const Seconds over = settling - config_.settle_down_s;
   if (still < config_.touch_settled_s) return over >= kSlidesLonger;

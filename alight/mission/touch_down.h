@@ -53,7 +53,7 @@ class TouchDown {
   Seconds flare_lasts(double a) const;
   bool may_touch(const MissionInput& in, const Maneuver& maneuver) const;
   bool carried(const MissionInput& in);
-  Seconds not_sinking_for(const MissionInput& in);
+  Seconds still_for(const MissionInput& in);
 
   MissionConfig config_;
   double gear_height_;
