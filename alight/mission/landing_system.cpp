@@ -1,6 +1,7 @@
 #include "alight/mission/landing_system.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "alight/mission/dead_reckoning.h"
@@ -101,6 +102,14 @@ struct LandingSystem::Parts {
   AutopilotTelemetry telemetry;
   bool alone = false;  // the autopilot flies by itself, set-points are not followed;
   Vector3 b_N_obeyed = Vector3::Zero();  // what the filter had learnt before that
+  // Sent meanwhile; which of them the autopilot obeys again it tells a moment later.
+  struct Unanswered {
+    Time arrives = 0;
+    Setpoint setpoint;
+  };
+  std::array<Unanswered, 32> unanswered;
+  std::size_t unanswered_next = 0, unanswered_count = 0;
+  Time told_alone = 0;  // when it was still so, by telemetry
   bool heading_known = false;
   int heading_off = 0;  // telemetry in a row that contradicts it
   Time reckoned = 0;    // when its velocity was told last, unseen
@@ -123,6 +132,8 @@ struct LandingSystem::Parts {
   Eigen::Quaterniond deck_tilt(const PlatformState& at) const;
   void learn_rest(const AutopilotTelemetry& t);
   void follow_autopilot(const AutopilotTelemetry& t, Time now);
+  /// The set-points since it was last alone are what the drone does now.
+  void obeys_again();
   void watch_velocity(const AutopilotTelemetry& t);
   void watch_floor(const AutopilotTelemetry& t);
   void reckon(Time now);
@@ -205,13 +216,24 @@ void LandingSystem::Parts::follow_autopilot(const AutopilotTelemetry& t, Time no
     const Vector3 d_N(state.d_N.x(), state.d_N.y(), 0);
     estimator.restart_disturbance(d_N, alone ? Vector3(b_N.x(), b_N.y(), 0) : b_N);
   }
+  if (was && !alone) obeys_again();
   if (!alone) return;
+  told_alone = t.captured;
   Setpoint as_it_flies;
   as_it_flies.kind = Setpoint::Kind::attitude;
   as_it_flies.q_IB = t.q_IB;
   const double upright = std::max(t.q_IB.toRotationMatrix()(2, 2), kLeastUpright);
   as_it_flies.thrust = std::min(1 / (config.response.thrust_to_weight * upright), 1.0);
   response.sent(as_it_flies, now);
+}
+
+void LandingSystem::Parts::obeys_again() {
+  const std::size_t first = unanswered_next + unanswered.size() - unanswered_count;
+  for (std::size_t i = 0; i < unanswered_count; ++i) {
+    const Unanswered& sent = unanswered[(first + i) % unanswered.size()];
+    if (sent.arrives > told_alone) response.sent(sent.setpoint, sent.arrives);
+  }
+  unanswered_count = 0;
 }
 
 void LandingSystem::Parts::watch_velocity(const AutopilotTelemetry& t) {
@@ -437,7 +459,12 @@ void LandingSystem::Parts::control(const MissionCommand& command, Time now,
       break;
     }
   }
-  if (alone) return;
+  if (alone) {
+    unanswered[unanswered_next] = {now + link.delay(), out.setpoint};
+    unanswered_next = (unanswered_next + 1) % unanswered.size();
+    unanswered_count = std::min(unanswered_count + 1, unanswered.size());
+    return;
+  }
   Setpoint felt = out.setpoint;
   if (command.thrust_least > 0) {
     felt.q_IB =
