@@ -348,6 +348,7 @@ MissionCommand Mission::step(const MissionInput& in, Output& out) {
     case MissionState::go_around:
     case MissionState::hold:
       follow(in, out);
+      if (status_.state == MissionState::go_around) set_down(in, c, out);
       break;
     case MissionState::rendezvous:
       rendezvous(in, out);
@@ -398,14 +399,17 @@ bool Mission::obeys(const MissionInput& in) const {
   return in_sight(in) && (in.x.v_NB - reference(in.now).v_NB).norm() < kObeys;
 }
 
-// An order may be lost on its way. Later whoever arms has a reason for it.
+void Mission::order_disarm(const MissionInput& in, Command& c) {
+  if (to_seconds(in.now - last_order_) < kOrderEvery) return;
+  c.order = AutopilotOrder::disarm;
+  last_order_ = in.now;
+}
+
+// Later whoever arms has a reason for it.
 void Mission::disarm(const MissionInput& in, Command& c) {
   disarms_ = disarms_ && in.telemetry_heard && in.armed && !pilot_flies(in) &&
              in_state(in) < kDisarmFor;
-  if (disarms_ && to_seconds(in.now - last_order_) >= kOrderEvery) {
-    c.order = AutopilotOrder::disarm;
-    last_order_ = in.now;
-  }
+  if (disarms_) order_disarm(in, c);
 }
 
 }  // namespace alight

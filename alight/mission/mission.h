@@ -108,6 +108,8 @@ class Mission {
   /// platform.
   /// @returns false: it does not stand there.
   bool stop_on_floor(const MissionInput& in, Command& c, Output& out);
+  /// Again and again: one may be lost on its way.
+  void order_disarm(const MissionInput& in, Command& c);
   /// The drone would come down on the platform, drove that on.
   bool would_meet(const MissionInput& in) const;
   Vector3 search_from(const MissionInput& in) const;
@@ -122,6 +124,7 @@ class Mission {
   void taken_off(const MissionInput& in, Command& c, Output& out);
   void follow(const MissionInput& in, Output& out);
   void rendezvous(const MissionInput& in, Output& out);
+  bool set_down(const MissionInput& in, Command& c, Output& out);
   void land(const MissionInput& in, Command& c, Output& out);
   /// Gusts pass, and decks come round: better to wait above the pad than to touch
   /// beside its middle or on the edge of a foot.

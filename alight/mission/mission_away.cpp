@@ -252,8 +252,8 @@ void Mission::lost_link(const MissionInput& in, Command& c, Output& out) {
        fresh ? "the link is back" : "the link is back, the LEDs are out of sight", in,
        out);
     c.mode = Command::Mode::track;
-  } else {
-    stop_on_floor(in, c, out);
+  } else if (!stop_on_floor(in, c, out) && touch_down_.was_set_down(in)) {
+    order_disarm(in, c);
   }
 }
 
@@ -266,8 +266,7 @@ bool Mission::stop_on_floor(const MissionInput& in, Command& c, Output& out) {
                                "stands on the floor: its motors are stopped"});
   }
   floor_told_ = true;
-  c.order = AutopilotOrder::disarm;
-  last_order_ = in.now;
+  order_disarm(in, c);
   return true;
 }
 

@@ -37,6 +37,10 @@ constexpr Seconds kSinksOn = 0.25;
 // m above gear height: a deck that swings beneath a drone that waits lower down reaches
 // its feet.
 constexpr double kFeetClear = 0.04;
+// So long after its autopilot has acted alone, s, a drone may be where that left it.
+constexpr Seconds kAloneLately = 0.5;
+constexpr const char* kSetDown =
+    "set-points did not arrive: its autopilot has set it down on the pad";
 constexpr const char* kNoOdometry = "no platform odometry comes";
 
 /// Pictures that come late are seen by, others that do not come may be the last.
@@ -256,8 +260,20 @@ bool Mission::wait_low(const MissionInput& in, const FlatState& ref, double miss
   return pace == 0 && in.x.p_NB.z() > commit_height - kWaitsDownTo;
 }
 
+// To go on flying from where its autopilot has set it down, light on its feet, threw
+// drones off the pad.
+bool Mission::set_down(const MissionInput& in, Command& c, Output& out) {
+  const bool alone =
+      failsafe_till_ > 0 && to_seconds(in.now - failsafe_till_) < kAloneLately;
+  if (!alone || !touch_down_.was_set_down(in)) return false;
+  c.mode = Command::Mode::idle;
+  go(MissionState::shut_down, kSetDown, in, out);
+  return true;
+}
+
 void Mission::land(const MissionInput& in, Command& c, Output& out) {
   if (overruled(in, out)) return;
+  if (!committed_ && set_down(in, c, out)) return;
   const FlatState ref = maneuver_.at(in.now);
   const Vector3 error = in.x.p_NB - ref.p_NB;
   if (config_.cut_height_m > 0 && maneuver_.done(in.now) &&
@@ -359,10 +375,7 @@ void Mission::shut_down(const MissionInput& in, Command& c, Output& out) {
     return;
   }
   if (const char* told = touch_down_.moved(in)) note(told, in, out);
-  if (to_seconds(in.now - last_order_) >= kOrderEvery) {
-    c.order = AutopilotOrder::disarm;
-    last_order_ = in.now;
-  }
+  order_disarm(in, c);
 }
 
 }  // namespace alight

@@ -33,6 +33,9 @@ constexpr double kDropSeen = 0.06;      // From no higher than this, by what is 
 constexpr double kCarried = 0.012;
 constexpr Seconds kCarriedFor = 0.08;
 
+// Set down by its autopilot it rests, m/s: what slides trips once its motors stop.
+constexpr double kAtRest = 0.1;
+
 constexpr Seconds kFlareIsSet = 0.4;  // before the end,
 constexpr double kWaits = 0.1;        // unless it waits: at a pace below this
 // m/s^2; a wider swing takes longer, that its jerk grows by as much as itself only.
@@ -212,6 +215,14 @@ void TouchDown::feel(const MissionInput& in, const Maneuver& maneuver) {
 double TouchDown::thrust_share(Time now) const {
   const double passed = to_seconds(now - settle_since_) / config_.settle_down_s;
   return std::max(config_.settle_share * (1 - passed), kUprightBy);
+}
+
+bool TouchDown::was_set_down(const MissionInput& in) {
+  const RelativeState& x = in.x_seen;
+  const double reach = x.p_NB.head<2>().cwiseAbs().maxCoeff() + foot_spread();
+  if (!carried(in) || reach > pad_half_ || x.v_NB.norm() > kAtRest) return false;
+  p_touch_ = x.p_NB;
+  return true;
 }
 
 bool TouchDown::stands(const MissionInput& in) {

@@ -42,6 +42,9 @@ class TouchDown {
   const Vector3& leans_against_N() const { return f_touch_N_; }
   /// Settled, or as good as it will be: the motors may stop.
   bool stands(const MissionInput& in);
+  /// Its autopilot has brought it down onto the pad by itself, and it rests there:
+  /// asked each step, not past the commit.
+  bool was_set_down(const MissionInput& in);
   /// Since the feet took the weight: that it bounced or slid, told once each; else
   /// null.
   const char* moved(const MissionInput& in);

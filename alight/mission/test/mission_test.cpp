@@ -847,6 +847,42 @@ TEST(Mission, TheAutopilotsFailsafeTakesOver) {
   EXPECT_EQ(f.reason(), "the autopilot's failsafe has taken over");
 }
 
+// Without set-points its autopilot came down on the pad; when they arrived again they
+// asked it to fly on, light on its feet, and the pad went from under it.
+TEST(Mission, WhatItsAutopilotHasSetDownOnThePadStaysThere) {
+  const struct {
+    double from, x, speed;
+    AutopilotMode mode;
+    bool stays;
+  } cases[] = {
+      {0.2, 0.05, 0, AutopilotMode::failsafe, true},
+      {0.5, 0.05, 0, AutopilotMode::failsafe, true},     // it goes around meanwhile
+      {0.2, 0.19, 0, AutopilotMode::failsafe, false},    // a foot off the pad's edge
+      {0.2, 0.05, 0.4, AutopilotMode::failsafe, false},  // stopped it would trip
+      {0.2, 0.05, 0, AutopilotMode::offboard, false},    // it is there as told
+  };
+  for (const auto& c : cases) {
+    SCOPED_TRACE(testing::Message() << c.from << " " << c.x << " " << c.speed);
+    Flight f;
+    ASSERT_TRUE(f.reach(State::land));
+    ASSERT_TRUE(f.until_below(f.rig().drone.gear_height_m + c.from));
+    f.mode = c.mode;
+    for (int i = 0; i < 20 && f.state() != State::complete; ++i) {
+      f.x().p_NB = Vector3(c.x, 0, f.rig().drone.gear_height_m + 0.004);
+      f.x().v_NB = Vector3(-c.speed, 0, 0);
+      f.step();
+      if (i == 5) {
+        EXPECT_EQ(f.orders_disarm, 0) << "it may be passing by";
+      }
+    }
+    EXPECT_EQ(f.orders_disarm > 0, c.stays);
+    EXPECT_EQ(f.state() == State::complete, c.stays);
+    if (c.stays) {
+      EXPECT_EQ(f.reason(), "motors stopped");
+    }
+  }
+}
+
 TEST(Mission, AnInfeasiblePlanIsTriedAgainAndThenFollowed) {
   Flight f;
   f.plans_feasible = false;
@@ -1565,16 +1601,28 @@ TEST(Mission, ItStartsOnlyOnItsFeetOnThePad) {
 }
 
 TEST(Mission, AFailsafeWithFeetOnThePadIsTheEnd) {
-  Flight f;
-  f.slid = Vector3(0.02, 0, 0);
-  f.lifts = false;
-  ASSERT_TRUE(f.reach(State::taken_off));
-  while (!f.c.lifted) f.step();  // for it slides
-  f.mode = AutopilotMode::failsafe;
-  ASSERT_TRUE(f.until(State::lost_link, 0.1));
-  EXPECT_EQ(f.c.mode, MissionCommand::Mode::silent);
-  f.run(1);
-  EXPECT_LT(f.c.platform_speed_wish, 0.2);
+  for (const bool seen : {false, true}) {
+    SCOPED_TRACE(seen);
+    Flight f;
+    f.slid = Vector3(0.02, 0, 0);
+    f.lifts = false;
+    ASSERT_TRUE(f.reach(State::taken_off));
+    while (!f.c.lifted) f.step();  // for it slides
+    f.sight = seen;
+    f.run(0.1);
+    f.mode = AutopilotMode::failsafe;
+    f.step();
+    ASSERT_EQ(f.state(), State::lost_link);
+    EXPECT_EQ(f.c.mode, MissionCommand::Mode::silent);
+    f.run(1);
+    // Seen to stand there it is told to stop its motors.
+    EXPECT_EQ(f.orders_disarm > 0, seen);
+    if (seen) {
+      EXPECT_EQ(f.state(), State::complete);
+    } else {
+      EXPECT_LT(f.c.platform_speed_wish, 0.2);
+    }
+  }
   // In the air a burst of losses may end.
   Flight high;
   ASSERT_TRUE(high.reach(State::follow));
