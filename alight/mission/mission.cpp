@@ -334,6 +334,9 @@ MissionCommand Mission::step(const MissionInput& in, Output& out) {
     has_next_ = false;
   }
   obeyed_ = in.armed && (obeyed_ || in.mode == AutopilotMode::offboard);
+  if (in.armed && in.mode == AutopilotMode::offboard && in.link->healthy(in.now)) {
+    obeyed_till_ = in.now;
+  }
   switch (status_.state) {
     case MissionState::idle:
       idle(in, c, out);

@@ -163,7 +163,8 @@ class Mission {
   Matrix3 R_rest_ = Matrix3::Identity();
   Vector3 p_rest_ = Vector3::Zero();  // where it stood before take-off
 
-  bool obeyed_ = false;    // the autopilot has followed set-points since it was armed
+  bool obeyed_ = false;    // the autopilot has followed set-points since it was armed,
+  Time obeyed_till_ = 0;   // for all that is known until then
   bool failsafe_ = false;  // the autopilot's, for want of set-points
   Time failsafe_since_ = 0, failsafe_till_ = 0;
   Blindness blindness_ = Blindness::leds;  // as told last

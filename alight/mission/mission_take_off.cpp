@@ -15,6 +15,8 @@ constexpr double kComingDown = 0.6;
 constexpr Seconds kComingDownFor = 0.45;
 // Likewise: with no more than this it has not left the ground yet.
 constexpr double kStillStands = 0.85;
+// What its autopilot has done by itself within this time, s, has not lifted it off.
+constexpr Seconds kJustTookOver = 0.4;
 constexpr double kLeft = 0.02;      // m above where it stood: no foot touches,
 constexpr Seconds kLeavesIn = 0.8;  // which is never far off.
 // Of the nominal hover thrust: it moves even a drone that is a fifth heavier than the
@@ -154,7 +156,11 @@ void Mission::taken_off(const MissionInput& in, Command& c, Output& out) {
   if (obeyed_ &&
       (in.mode == AutopilotMode::failsafe || in.mode == AutopilotMode::land)) {
     const char* reason = in.computer_was_late ? kStoodStill : kFailsafe;
-    if (ramp_most_ < kStillStands && starts_ < config_.starts_max) {
+    // With what thrust was asked for at most, unless that has long been the
+    // autopilot's.
+    const Seconds unsure = to_seconds(in.now - obeyed_till_);
+    const double most = unsure < kJustTookOver ? std::min(ramp_most_, share) : share;
+    if (most < kStillStands && starts_ < config_.starts_max) {
       c.order = AutopilotOrder::disarm;
       disarms_ = true;
       last_order_ = in.now;

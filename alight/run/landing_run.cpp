@@ -95,8 +95,11 @@ class Tally {
     // Also one that is left so while its motors lift it off the pad.
     const bool alone = truth.mode == AutopilotMode::failsafe && truth.motors_running &&
                        !contact.touched_down && !contact.landed_elsewhere;
-    if (alone && !alone_) {
+    // A pad that it still stands on takes it along.
+    if (alone && !(alone_ && contact.flown)) {
       alone_from_ = truth.X_IB.translation().head<2>();
+    }
+    if (alone && !alone_) {
       over_platform_ = !outline_.clear(truth.X_NB.translation());
     }
     alone_ = alone;

@@ -68,6 +68,8 @@ class Flight {
   const Rig& rig() const { return rig_; }
   bool armed() const { return armed_; }
 
+  /// The computer stands still.
+  void miss(Seconds s) { now_ += from_seconds(s); }
   void step() {
     now_ += kStep;
     LinkStatus status;
@@ -2029,6 +2031,17 @@ TEST(Mission, AFailsafeOnceThrustWasTakenBackIsNoFlight) {
   f.lifts = f.sight = true;
   f.mode = AutopilotMode::offboard;
   EXPECT_TRUE(f.until(State::follow, 20)) << "starts anew";
+  // One that has long acted alone may have lifted off.
+  Flight late;
+  late.lifts = false;
+  ASSERT_TRUE(late.reach(State::taken_off));
+  late.run(0.03);
+  late.miss(1);
+  late.computer_was_late = true;
+  late.mode = AutopilotMode::failsafe;
+  late.step();
+  EXPECT_EQ(late.state(), State::lost_link);
+  EXPECT_EQ(late.orders_disarm, 0);
 }
 
 TEST(Mission, LostRightAfterTheTakeOffItIsLeftToTheAutopilotSoon) {
