@@ -402,17 +402,22 @@ bool Mission::obeys(const MissionInput& in) const {
   return in_sight(in) && (in.x.v_NB - reference(in.now).v_NB).norm() < kObeys;
 }
 
-void Mission::order_disarm(const MissionInput& in, Command& c) {
-  if (to_seconds(in.now - last_order_) < kOrderEvery) return;
-  c.order = AutopilotOrder::disarm;
+bool Mission::keep_ordering(AutopilotOrder order, const MissionInput& in, Command& c) {
+  if (to_seconds(in.now - last_order_) < kOrderEvery) return false;
+  c.order = order;
   last_order_ = in.now;
+  return true;
+}
+
+bool Mission::alone_within(Seconds s, Time t) const {
+  return failsafe_till_ > 0 && to_seconds(t - failsafe_till_) < s;
 }
 
 // Later whoever arms has a reason for it.
 void Mission::disarm(const MissionInput& in, Command& c) {
   disarms_ = disarms_ && in.telemetry_heard && in.armed && !pilot_flies(in) &&
              in_state(in) < kDisarmFor;
-  if (disarms_) order_disarm(in, c);
+  if (disarms_) keep_ordering(AutopilotOrder::disarm, in, c);
 }
 
 }  // namespace alight

@@ -108,8 +108,11 @@ class Mission {
   /// platform.
   /// @returns false: it does not stand there.
   bool stop_on_floor(const MissionInput& in, Command& c, Output& out);
-  /// Again and again: one may be lost on its way.
-  void order_disarm(const MissionInput& in, Command& c);
+  /// Each step, for it is only given now and then: one may be lost on its way.
+  /// @returns whether it is given now.
+  bool keep_ordering(AutopilotOrder order, const MissionInput& in, Command& c);
+  /// Its autopilot acted for want of set-points less than `s` before `t`.
+  bool alone_within(Seconds s, Time t) const;
   /// The drone would come down on the platform, drove that on.
   bool would_meet(const MissionInput& in) const;
   Vector3 search_from(const MissionInput& in) const;
@@ -124,6 +127,8 @@ class Mission {
   void taken_off(const MissionInput& in, Command& c, Output& out);
   void follow(const MissionInput& in, Output& out);
   void rendezvous(const MissionInput& in, Output& out);
+  /// Its autopilot has set it down on the pad: its motors are stopped.
+  /// @returns false: it does not rest there.
   bool set_down(const MissionInput& in, Command& c, Output& out);
   void land(const MissionInput& in, Command& c, Output& out);
   /// Gusts pass, and decks come round: better to wait above the pad than to touch

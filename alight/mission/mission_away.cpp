@@ -213,8 +213,8 @@ void Mission::lost_target(const MissionInput& in, Output& out) {
                                                   : config_.give_up_s;
   if (in_state(in) > search || !in.estimate_valid) {
     // What its autopilot did alone has taken it out of the picture.
-    const bool went_alone = why == Blindness::leds && failsafe_till_ > 0 &&
-                            to_seconds(in.seen - failsafe_till_) < kAloneBefore;
+    const bool went_alone =
+        why == Blindness::leds && alone_within(kAloneBefore, in.seen);
     go(MissionState::aborted,
        went_alone ? "set-points did not arrive, the LEDs are lost: the autopilot lands"
                   : words_for(why).given_up,
@@ -253,20 +253,19 @@ void Mission::lost_link(const MissionInput& in, Command& c, Output& out) {
        out);
     c.mode = Command::Mode::track;
   } else if (!stop_on_floor(in, c, out) && touch_down_.was_set_down(in)) {
-    order_disarm(in, c);
+    keep_ordering(AutopilotOrder::disarm, in, c);
   }
 }
 
 bool Mission::stop_on_floor(const MissionInput& in, Command& c, Output& out) {
   if (!in.stands_on_floor) return false;
-  if (to_seconds(in.now - last_order_) < kOrderEvery) return true;
+  if (!keep_ordering(AutopilotOrder::disarm, in, c)) return true;
   if (!floor_told_) {
     // Why it came down there stays the reason.
     out.transitions.push_back({in.now, status_.state, status_.state,
                                "stands on the floor: its motors are stopped"});
   }
   floor_told_ = true;
-  order_disarm(in, c);
   return true;
 }
 
@@ -308,10 +307,8 @@ void Mission::aborted(const MissionInput& in, Command& c, Output& out) {
   left_ = left_ || may_be_left(in);
   if (!left_) {
     c.mode = Command::Mode::track;
-  } else if (!stop_on_floor(in, c, out) &&
-             to_seconds(in.now - last_order_) >= kOrderEvery) {
-    c.order = AutopilotOrder::land;
-    last_order_ = in.now;
+  } else if (!stop_on_floor(in, c, out)) {
+    keep_ordering(AutopilotOrder::land, in, c);
   }
 }
 

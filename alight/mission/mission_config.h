@@ -74,7 +74,7 @@ struct MissionConfig {
   double sink_m = 0.08;           ///< How far below touch-down the reference goes.
   double touch_height_m = 0.03;   ///< Above gear height: may stand on the pad.
   double settle_share = 0.4;      ///< Then thrust falls to this share of the last,
-  double settle_down_s = 0.25;    ///< and to nothing in this time.
+  double settle_down_s = 0.25;    ///< and in this time to what keeps it upright.
   double flare_s = 0.8;           ///< The drone stands up last, in this time or, for a
                                   ///< wide swing, up to 1.3 times it. 0: never;
   double flare_share = 0.7;       ///< by this share of what it leans,
@@ -83,7 +83,7 @@ struct MissionConfig {
   double square_up_s = 0.3;       ///< So long before the touch it begins to go over to
                                   ///< the pad's attitude. 0: never.
   double upright_deg = 6;         ///< Tilted more, it does not stand yet.
-  double touch_settled_s = 0.06;  ///< Not sinking for this long: it stands.
+  double touch_settled_s = 0.06;  ///< Neither sinking nor sliding so long: it stands.
   double blind_sink_s = 0.6;  ///< From the trajectory's end to when thrust goes, for a
                               ///< committed drone that is not seen, or that does not
                               ///< sink though its height says it should.

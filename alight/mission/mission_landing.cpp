@@ -263,9 +263,8 @@ bool Mission::wait_low(const MissionInput& in, const FlatState& ref, double miss
 // To go on flying from where its autopilot has set it down, light on its feet, threw
 // drones off the pad.
 bool Mission::set_down(const MissionInput& in, Command& c, Output& out) {
-  const bool alone =
-      failsafe_till_ > 0 && to_seconds(in.now - failsafe_till_) < kAloneLately;
-  if (!alone || !touch_down_.was_set_down(in)) return false;
+  if (!alone_within(kAloneLately, in.now) || !touch_down_.was_set_down(in))
+    return false;
   c.mode = Command::Mode::idle;
   go(MissionState::shut_down, kSetDown, in, out);
   return true;
@@ -375,7 +374,7 @@ void Mission::shut_down(const MissionInput& in, Command& c, Output& out) {
     return;
   }
   if (const char* told = touch_down_.moved(in)) note(told, in, out);
-  order_disarm(in, c);
+  keep_ordering(AutopilotOrder::disarm, in, c);
 }
 
 }  // namespace alight

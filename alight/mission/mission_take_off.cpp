@@ -120,9 +120,8 @@ void Mission::armed(const MissionInput& in, Command& c, Output& out) {
     disarms_ = true;
     go(MissionState::refused,
        in.link->healthy(in.now) ? "the autopilot does not arm" : kUnhealthy, in, out);
-  } else if (to_seconds(in.now - last_order_) >= kOrderEvery) {
-    c.order = AutopilotOrder::arm;
-    last_order_ = in.now;
+  } else {
+    keep_ordering(AutopilotOrder::arm, in, c);
   }
 }
 

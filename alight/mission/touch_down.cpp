@@ -114,7 +114,7 @@ void TouchDown::flare(const MissionInput& in, Maneuver& maneuver) {
   const bool open = to_end > kFlareIsSet || maneuver.rate(in.now) < kWaits;
   if (flared_ ? open : to_end <= begins_before_end()) {
     flared_ = true;
-    // Upright on the pad, whatever wind and turns would have it lean.
+    // Upright on the pad, whatever wind and turns would have it lean, as far as may be.
     Vector3 a_N = -config_.flare_share * in.f_touch_N;
     a_N.z() = 0;
     const double a = flare_most(horizontal(in.f_touch_N));
@@ -175,8 +175,8 @@ double TouchDown::square_up(const MissionInput& in, double miss) {
     square_up_most_ = std::clamp(2 - miss / kSquareUpWithin, 0.0, 1.0);
   }
   const double push = horizontal(in.f_touch_N);
-  const double leans = push - flare_most(push);
-  const double gives = std::max(leans_less(push) - flare_most(push), 0.0);
+  const double flared = flare_most(push);
+  const double leans = push - flared, gives = leans_less(push) - flared;
   const double most = leans > gives ? gives / leans : 1.0;
   return std::min({share, square_up_most_, most});
 }

@@ -12,7 +12,8 @@ namespace alight {
 /// blown away, and a drone whose thrust goes while it leans falls onto its feet; both
 /// have thrown drones over. So thrust goes when it will be the feet's turn, earlier the
 /// harder it is blown, what is left of it leans into the wind, and the motors stop only
-/// once it is upright.
+/// once it is upright and slides no more. Against a strong push, as at 30 km/h, it
+/// stays leant down to the pad: a radio may be silent just then.
 class TouchDown {
  public:
   TouchDown(const MissionConfig& config, const Rig& rig);
@@ -70,7 +71,7 @@ class TouchDown {
   Time settle_since_ = 0;
   Vector3 p_touch_ = Vector3::Zero();
   Vector3 f_touch_N_ = Vector3(0, 0, kGravity);
-  bool low_ = false;  // not sinking any more, since:
+  bool low_ = false;  // not sinking any more, nor sliding, since:
   Time low_since_ = 0;
   Vector3 low_p_ = Vector3::Zero();
   bool bounced_ = false, slid_ = false;
