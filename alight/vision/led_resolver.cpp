@@ -44,6 +44,9 @@ constexpr int kSkirtMemory = 60;  // looks
 constexpr int kSkirtEvery = 4;    // pictures, once it is known
 constexpr double kSkirtBlur = 1;  // px; a longer streak has another skirt
 constexpr int kLampReach = 3;     // px around a lamp that its light reaches
+// A light of its own is about as long as wide, in px^2 of variance, once its way during
+// the exposure is taken off; noise makes a small one longer than that.
+constexpr double kLongest = 2.5, kLongLeast = 1.5;
 
 /// Takes the LEDs for which `keep` is false out of the information, the rest being
 /// told without them.
@@ -90,6 +93,17 @@ ForeignLight foreign_light(const Blob& blob, int margin_px) {
   light.half_length = std::sqrt(3 * std::max(mean + half, 0.0)) + 1 + margin_px;
   light.half_width = std::sqrt(3 * std::max(mean - half, 0.0)) + 1 + margin_px;
   return light;
+}
+
+/// A light that is as large as an LED near the lens, and run together with a lamp: its
+/// middle is that of neither.
+bool runs_on(const Blob& blob, const Vector2& blur_px) {
+  const Vector2 stretch =
+      stretch_of(blob.spread) - stretch_of(blur_px * blur_px.transpose() / 12);
+  const double half = 0.5 * stretch.norm();
+  const double narrow =
+      0.5 * (blob.spread.trace() - blur_px.squaredNorm() / 12) - half;
+  return 2 * half > std::max((kLongest - 1) * narrow, kLongLeast);
 }
 
 RefusedBlob unmatched(const Blob& blob) {
@@ -169,7 +183,8 @@ void LedResolver::compare_lights(const Look& look, const Patches& patches,
       if (patch.fit) {
         heights[i] = patch.fit->height[k];
       } else if (j >= 0 && patch.members.size() == 1) {
-        areas_px[i] = look.blobs[static_cast<std::size_t>(j)].area_px;
+        const Blob& blob = look.blobs[static_cast<std::size_t>(j)];
+        if (!runs_on(blob, look.blur_px[i])) areas_px[i] = blob.area_px;
       }
     }
   }
@@ -490,12 +505,16 @@ void LedResolver::resolve(const ImageView& image, BlobSpan blobs,
         if (std::find(patch.members.begin(), patch.members.end(), first) !=
                 patch.members.end() &&
             std::popcount(o.leds) == static_cast<int>(patch.members.size())) {
-          out.seen.push_back(o);
-          const int j = match.blob[static_cast<std::size_t>(first)];
-          if (patch.members.size() == 1 && j >= 0) {
-            out.seen.back().cov +=
-                displacement(first, blobs[static_cast<std::size_t>(j)]);
+          const auto n = static_cast<std::size_t>(first);
+          const int j = match.blob[n];
+          if (patch.members.size() > 1 || j < 0) {
+            out.seen.push_back(o);
+            continue;
           }
+          const Blob& blob = blobs[static_cast<std::size_t>(j)];
+          if (runs_on(blob, blur_px[n])) continue;
+          out.seen.push_back(o);
+          out.seen.back().cov += displacement(first, blob);
         }
       }
     }
@@ -520,6 +539,14 @@ void LedResolver::resolve(const ImageView& image, BlobSpan blobs,
     }
   }
   learn_from(look, patches);
+  for (const Patch& patch : patches) {
+    const int j = match.blob[static_cast<std::size_t>(patch.members[0])];
+    if (patch.fit || patch.members.size() > 1 || j < 0) continue;
+    const Blob& blob = blobs[static_cast<std::size_t>(j)];
+    if (runs_on(blob, blur_px[static_cast<std::size_t>(patch.members[0])])) {
+      frame.refused.push_back({blob.uv, Refusal::too_large});
+    }
+  }
   frame.seen = out.seen;
   frame.groups = out.groups;
   lit_ = 0;
@@ -607,6 +634,7 @@ std::optional<LedFrame> LedResolver::follow(const ImageView& image, BlobSpan blo
     if (patch.members.size() > 1) return std::nullopt;
     const Blob& blob = blobs[static_cast<std::size_t>(match.blob[n])];
     if (patch.area_px <= config_.area_max_px && !blob.saturated) return std::nullopt;
+    if (runs_on(blob, blur_px[n])) return std::nullopt;
     LedObservation o;
     o.leds = static_cast<std::uint16_t>(1u << n);
     o.uv = blob.uv;

@@ -234,6 +234,70 @@ TEST(LedResolver, ALampInFrontOfAnLedIsNotFollowedInItsPlace) {
   EXPECT_LE(wrong, 1);
 }
 
+// So near the lens an LED is a disc that keeps its middle, and runs together with a slat
+// that is about as large.
+TEST(LedResolver, ALampThatRunsOnFromALargeLedDoesNotMoveIt) {
+  Rng rng(15);
+  const auto tracker = *LedTracker::create({}, alan_rig().camera, alan_rig().leds);
+  Matrix6 cov = Matrix6::Zero();
+  cov.diagonal() << Vector3::Constant(4e-6), Vector3::Constant(2.5e-5);
+  int wrong = 0, alone = 0, kept = 0, named = 0, left_out = 0;
+  for (int run = 0; run < 120; ++run) {
+    Scene scene(rng, 0.3, 0.45, 0x3f);
+    const auto draw = [&] {
+      for (int i = 0; i < 6; ++i) {
+        const Vector2 uv =
+            *project_led(scene.rig.camera, scene.X_NB, scene.rig.leds.p_BL(i));
+        scene.picture.add(uv, scene.rig.leds.color(i), 3000, 1.8);
+      }
+      scene.picture.expose(rng);
+    };
+    draw();
+    LedResolver resolver = scene.resolver();
+    const std::span<const Vector2> still(scene.still.data(), scene.still.size());
+    const auto look = [&](int under) {
+      const Pose X_NB = scene.predicted(rng);
+      std::vector<LedFrame> frames;
+      if (const auto f = resolver.follow(scene.picture.view(), scene.blobs(), X_NB, 2.5,
+                                         still, 1)) {
+        frames.push_back(*f);
+      }
+      TrackDetail detail;
+      LedFrame tracked = tracker.track(scene.blobs(), X_NB, cov, 1, &detail);
+      resolver.resolve(scene.picture.view(), scene.blobs(), detail, still, tracked);
+      frames.push_back(tracked);
+      bool seen = false;
+      for (const LedFrame& frame : frames) {
+        for (const LedObservation& o : frame.seen) {
+          const double off = scene.error_px(o);
+          if (off > 0.7 && off * off > 9 * o.cov.trace()) ++wrong;
+          seen = seen || ((o.leds >> under) & 1) != 0;
+        }
+      }
+      for (const RefusedBlob& r : tracked.refused) {
+        named += r.reason == Refusal::too_large;
+      }
+      return seen;
+    };
+    const int under = run % 6;
+    kept += look(under);
+    const Vector2 led =
+        *project_led(scene.rig.camera, scene.X_NB, scene.rig.leds.p_BL(under));
+    const double turn = rng.uniform(0, 2 * kPi);
+    const Vector2 along(std::cos(turn), std::sin(turn));
+    for (int k = 0; k < 5; ++k) {
+      scene.picture.add(led + (4.0 + 2.0 * k) * along, LedColor::white, 1500, 1.3);
+    }
+    scene.picture.expose(rng);
+    ++alone;
+    left_out += !look(under);
+  }
+  EXPECT_EQ(kept, alone);
+  EXPECT_GE(left_out, 0.5 * alone);
+  EXPECT_GE(named, 0.2 * alone);
+  EXPECT_LE(wrong, 0.02 * alone);
+}
+
 // A lamp alone in an LED's place, as bright and as large: only its past tells.
 TEST(LedResolver, AKnownStrayInAnLedsPlaceIsLeftOut) {
   Rng rng(14);
