@@ -40,6 +40,8 @@ constexpr double kLeftLeast = 0.1;  // of a residual's variance, whatever is com
 // may be carried.
 constexpr double kCarried = 2.75;
 constexpr double kCarriedFor = 60;  // pictures, less and less
+constexpr std::size_t kTelling =
+    4;  // more of them tell which one contradicts the others
 constexpr double kTurnAside = 0.2;  // rad; a turn so far off tells nothing of its rate
 
 bool finite(const PlatformState& p) {
@@ -472,8 +474,71 @@ void RelativeFilter::add_depth(const LedObservation& o, const Pose& X_NB,
   out.depth_variance = variance;
 }
 
+double RelativeFilter::misfit_px(const Pose& X_NB,
+                                 const PictureMeasurements& measurements,
+                                 double limit_px) const {
+  double sum = 0;
+  int count = 0;
+  for (const PictureMeasurement& m : measurements) {
+    const auto n = static_cast<Eigen::Index>(m.images.size());
+    // What says little of its place may stand far off.
+    const double sd = std::sqrt(static_cast<double>(2 * n) / m.information.trace());
+    const double share = std::min(1.0, limit_px / sd);
+    for (const MeasuredImage& image : m.images) {
+      const auto uv = project_observation(camera_, X_NB, leds_, image.leds);
+      if (uv) sum += share * share * (image.uv - *uv).squaredNorm();
+      ++count;
+    }
+  }
+  return std::sqrt(sum / std::max(count, 1));
+}
+
+bool RelativeFilter::leave_out_misfit(double limit_px, const MapUpdateOptions& options,
+                                      PictureMeasurements& measurements,
+                                      UpdateReport& report) const {
+  // One that contradicts the others, or two.
+  const std::size_t count = measurements.size();
+  unsigned left_out = 0;
+  double least_px = limit_px;
+  const auto look = [&](unsigned without) {
+    PictureMeasurements others;
+    std::size_t images = 0;
+    for (std::size_t k = 0; k < count; ++k) {
+      if ((without >> k) & 1) continue;
+      others.push_back(measurements[k]);
+      images += measurements[k].images.size();
+    }
+    if (images < kTelling) return;
+    MotionState x = state_;
+    Matrix15 P = P_;
+    if (!map_update(camera_, leds_, others, options, x, P, nullptr)) return;
+    const double px = misfit_px(x.x.X_NB(), others, limit_px);
+    if (px >= least_px) return;
+    least_px = px;
+    left_out = without;
+  };
+  for (std::size_t k = 0; k < count; ++k) look(1u << k);
+  for (std::size_t k = 0; left_out == 0 && k < count; ++k) {
+    for (std::size_t i = 0; i < k; ++i) look(1u << k | 1u << i);
+  }
+  if (left_out == 0) return false;
+  std::size_t last = report.seen.size();
+  for (std::size_t k = count; k-- > 0;) {
+    const std::size_t images = measurements[k].images.size();
+    last -= images;
+    if (((left_out >> k) & 1) == 0) continue;
+    for (std::size_t n = 0; n < images; ++n) {
+      report.refused.push_back({report.seen[last].uv, Refusal::off_constellation});
+      report.seen.erase(last);
+    }
+    measurements.erase(k);
+  }
+  report.used = static_cast<int>(report.seen.size());
+  return true;
+}
+
 Result<UpdateReport> RelativeFilter::update(const LedFrame& frame, std::size_t agreeing,
-                                            LedInformation* told) {
+                                            LedInformation* told, double misfit_px) {
   if (!initialized_ || frame.t != time_ || (updates_ > 0 && frame.t <= last_update_)) {
     return fail(Fault::invalid_input);
   }
@@ -508,9 +573,20 @@ Result<UpdateReport> RelativeFilter::update(const LedFrame& frame, std::size_t a
   MotionState next = state_;
   Matrix15 P = P_;
   LedBias bias = led_bias_;
-  const auto done = map_update(camera_, leds_, measurements, options, next, P,
-                               knows_led_errors() ? &bias : nullptr);
+  auto done = map_update(camera_, leds_, measurements, options, next, P,
+                         knows_led_errors() ? &bias : nullptr);
   if (!done) return fail(done.error());
+  if (misfit_px > 0 && report.seen.size() > kTelling &&
+      this->misfit_px(next.x.X_NB(), measurements, misfit_px) > misfit_px &&
+      leave_out_misfit(misfit_px, options, measurements, report)) {
+    if (report.seen.size() < agreeing) return fail(Fault::ambiguous);
+    next = state_;
+    P = P_;
+    bias = led_bias_;
+    done = map_update(camera_, leds_, measurements, options, next, P,
+                      knows_led_errors() ? &bias : nullptr);
+    if (!done) return fail(done.error());
+  }
   if (told != nullptr &&
       !(knows_led_errors() && options.velocity_variance == 0 &&
         tell_of_leds(camera_, leds_, measurements, options.huber_sd, next.x.X_NB(),

@@ -87,8 +87,11 @@ class RelativeFilter {
   /// @param agreeing  Observations that must have passed the gate; less: ambiguous.
   /// @param told      Receives what the picture tells of the LEDs; nothing without
   ///                  errors to be known of them, or with the velocity measured.
+  /// @param misfit_px Where five and more fit worse than this (rms), and all but one of
+  ///                  them better, that one is left out (Refusal::off_constellation): a
+  ///                  lamp, or a light that runs together with one. 0: never.
   Result<UpdateReport> update(const LedFrame& frame, std::size_t agreeing = 0,
-                              LedInformation* told = nullptr);
+                              LedInformation* told = nullptr, double misfit_px = 0);
 
   /// Fuses a velocity v_NB known to `sd_m_s` along each axis, of time(). Nothing
   /// happens unless initialized, with both finite and sd_m_s > 0.
@@ -125,6 +128,11 @@ class RelativeFilter {
   double velocity_sd() const;
 
  private:
+  double misfit_px(const Pose& X_NB, const PictureMeasurements& measurements,
+                   double limit_px) const;
+  /// @returns false where none that is left out lets the others fit.
+  bool leave_out_misfit(double limit_px, const MapUpdateOptions& options,
+                        PictureMeasurements& measurements, UpdateReport& report) const;
   RelativeFilter(const RelativeFilterConfig& config, const Camera& camera,
                  const Constellation& leds);
   /// What of a frame is fused, each observation or group judged by the prediction.

@@ -24,7 +24,8 @@ struct UpdateReport {
   double moved = 0;  ///< Squared Mahalanobis distance of the pose from the prediction.
   double reprojection_px = 0;  ///< Root mean square distance, used ones, after.
   FixedVector<ObservationReport, kMaxLeds> seen;  ///< Those used.
-  FixedVector<RefusedBlob, kMaxRefused> refused;  ///< Those not: Refusal::gated.
+  FixedVector<RefusedBlob, kMaxRefused>
+      refused;  ///< Those not: gated, off_constellation.
 };
 
 }  // namespace alight

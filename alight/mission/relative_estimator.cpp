@@ -25,6 +25,8 @@ constexpr Seconds kLongUnseen = 0.15;
 // Standard deviation of the place from which a prediction does not tell LEDs from
 // lamps.
 constexpr double kVaguePlace_m = 0.15;
+// Pictures with LEDs missing after which a drone at rest is looked at anew.
+constexpr unsigned kLookAgainEvery = 8;
 // So many pictures in a row, each another than the one before: the camera has noise, or
 // what it sees moves. More than a drone that was put down takes to come to rest.
 constexpr int kNoisyPictures = 30;
@@ -117,6 +119,8 @@ RelativeEstimator::RelativeEstimator(const RelativeEstimatorConfig& config,
       step_(from_seconds(config.prediction_step_ms * 1e-3)),
       camera_(rig.camera),
       leds_(rig.leds),
+      camera_written_(rig.camera),
+      leds_written_(rig.leds),
       exposure_(rig.timing.exposure_ms * 1e-3),
       detector_(std::move(detector)),
       finder_(std::move(finder)),
@@ -341,6 +345,11 @@ bool RelativeEstimator::follow(const CameraFrame& frame, FrameReport& out,
   out.blobs = static_cast<int>(blobs->size());
   if (expecting_ && ignores_twins_) *blobs = without_twins(*blobs);
   if (!config_.tell_apart) return follow_among(*blobs, frame, out, probe);
+  if (rig_measured_ && expecting_ && filter_.last_report().used < leds_.size() &&
+      ++incomplete_ % kLookAgainEvery == 0) {
+    const int before = filter_.last_report().used;
+    if (start_at_rest(*blobs, frame.captured, before + 1, out)) return true;
+  }
   if (expecting_ && !stands_as_expected(filter_.state().X_NB())) {
     // Most LEDs of a rig that is off may fit a drone that stands otherwise better.
     const auto expected =
@@ -450,6 +459,13 @@ double RelativeEstimator::exact_px(const Vector3& p_NB) const {
                   config_.search_rms_factor * usual_rms_px(p_NB));
 }
 
+double RelativeEstimator::misfit_max_px() const {
+  // By few pictures it is not known how well LEDs fit.
+  if (!config_.tell_apart || fits_ < kUsualMemory) return 0;
+  return std::max(config_.search_rms_px, config_.search_rms_factor * misfit_ /
+                                             lens_distance(filter_.state().p_NB));
+}
+
 bool RelativeEstimator::well_known() const {
   const auto P = filter_.tracking_covariance();
   const double p_sd = std::sqrt(P.topLeftCorner<3, 3>().trace());
@@ -470,7 +486,8 @@ bool RelativeEstimator::accept(const LedFrame& leds, std::size_t agreeing,
   if (rms_max_px < kAnyFit || lost || vague) before = filter_;
   LedInformation told;
   const bool telling = config_.learn_led_errors && !expecting_;
-  auto report = filter_.update(leds, agreeing, telling ? &told : nullptr);
+  auto report = filter_.update(leds, agreeing, telling ? &told : nullptr,
+                               expecting_ ? 0 : misfit_max_px());
   if (report &&
       (report->reprojection_px > rms_max_px || (vague && report->moved > kMovedMost) ||
        (lost && !leans_as_known(filter_.state().R_NB)))) {
@@ -495,7 +512,8 @@ bool RelativeEstimator::accept(const LedFrame& leds, std::size_t agreeing,
   }
   // What LEDs are off by does not average out as the filter takes it to: told with each
   // picture, how it stands weighs against it what it weighs in one.
-  if (expecting_ && config_.tell_apart && stands_as_expected(filter_.state().X_NB())) {
+  if (expecting_ && config_.tell_apart && !rig_measured_ &&
+      stands_as_expected(filter_.state().X_NB())) {
     filter_.update_pose(X_NB_expected_, cov_expected_);
   }
   for (const ObservationReport& seen : report->seen) {
@@ -520,9 +538,12 @@ bool RelativeEstimator::accept(const LedFrame& leds, std::size_t agreeing,
     usual_misfit_ +=
         usual_misfit_ > 0 ? (misfit - usual_misfit_) / kUsualMemory : misfit;
     usual_misfit_ = std::max(usual_misfit_, misfit_least_);
+    fits_ = std::min(fits_ + 1, kUsualMemory);
+    misfit_ += (misfit - misfit_) / fits_;
   }
   if (out.tracked && config_.learn_leds && !expecting_) learn_leds(leds, *report);
-  if (out.tracked && telling &&
+  const bool fits = misfit_max_px() == 0 || out.reprojection_px <= misfit_max_px();
+  if (out.tracked && telling && fits &&
       static_cast<std::size_t>(leds.led_count()) >= kTellingLeds) {
     learn_led_errors(told, leds.t);
   }
@@ -632,35 +653,40 @@ Result<RestFit> RelativeEstimator::calibrate_at_rest() {
     o.uv = *uv;
     seen.push_back(o);
   }
-  const auto fit = alight::calibrate_at_rest(
-      config_.rest, camera_, leds_, {seen.data(), seen.size()}, X_NB_expected_);
+  const auto fit =
+      alight::calibrate_at_rest(config_.rest, camera_written_, leds_written_,
+                                {seen.data(), seen.size()}, X_NB_expected_);
   if (!fit) return fail(fit.error());
-  camera_ = fit->camera;
-  leds_ = fit->leds;
-  errors_.measured(leds_, fit->led_cov);
+  take_rest(*fit, static_cast<int>(seen.size()), filter_.time());
+  return fit;
+}
+
+void RelativeEstimator::take_rest(const RestFit& fit, int leds_seen, Time t) {
+  camera_ = fit.camera;
+  leds_ = fit.leds;
+  errors_.measured(leds_, fit.led_cov);
   // One that was not seen at rest is known no better than before.
-  const bool all = static_cast<int>(seen.size()) == leds_.size();
+  const bool all = leds_seen == leds_.size();
   const double led_sd_m = all ? config_.rest_led_sd_m : config_.rest.led_sd_m;
   config_.finder.led_sd_m = led_sd_m;
   tracker_.set_rig(camera_, leds_, led_sd_m);
   finder_.set_rig(camera_, leds_, led_sd_m);
   resolver_.set_rig(camera_, leds_);
-  const Time t = filter_.time();
   forget_past();
   filter_.set_rig(camera_, leds_, led_sd_m);
   rivals_.set_rig(camera_, filter_);
   config_.learn_leds = learning_ = leds_moved_ = false;
+  rig_measured_ = true;
   // They fit where it stands, whatever is wrong with them elsewhere.
   misfit_least_ = led_sd_m * camera_.intrinsics.fx;
   RelativeState x;
-  x.p_NB = fit->X_NB.translation();
-  x.R_NB = fit->X_NB.linear();
+  x.p_NB = fit.X_NB.translation();
+  x.R_NB = fit.X_NB.linear();
   Covariance9 cov = Covariance9::Zero();
   cov.diagonal() << Vector3::Constant(2.5e-5), Vector3::Constant(1e-3),
       Vector3::Constant(1e-4);
   if (config_.learn_led_errors) filter_.correct_leds(leds_, errors_.cov());
   filter_.reset(t, x, cov);
-  return fit;
 }
 
 void RelativeEstimator::report_state(FrameReport& out) const {

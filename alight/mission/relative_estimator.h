@@ -2,6 +2,7 @@
 #include "alight/estimation/led_errors.h"
 #include "alight/estimation/led_learner.h"
 #include "alight/estimation/relative_filter.h"
+#include "alight/estimation/rest_association.h"
 #include "alight/estimation/rest_calibration.h"
 #include "alight/estimation/rest_images.h"
 #include "alight/mission/landing_io.h"
@@ -204,6 +205,8 @@ class RelativeEstimator {
   /// are off as far as they may be: there that is many pixels.
   double rest_rms_max_px(const Pose& X_NB) const;
   void go_on_from(const FoundLeds& found, Time t, FrameReport& out);
+  /// The filter has been set: nothing that was before counts any more.
+  void start_from(const FoundLeds& found, Time t, FrameReport& out);
   /// Where LEDs stay unseen, they may be taken for one another: whether a pose that
   /// explains more of them is far from the one followed. Seen in several pictures in a
   /// row, it takes its place.
@@ -226,12 +229,21 @@ class RelativeEstimator {
   /// what LEDs are off by shows the more the nearer they are.
   double exact_px(const Vector3& p_NB) const;
   double usual_rms_px(const Vector3& p_NB) const;
+  /// LEDs that fit worse contradict one another; 0: that is not known yet.
+  double misfit_max_px() const;
   double lens_distance(const Vector3& p_NB) const;
   /// The LEDs of a drone that stands where it is expected, looked for around `X_NB`
   /// (`cov` of dp_NB, dR in B): a fit with all but one of them in view.
   Result<FoundLeds> find_expected(BlobSpan blobs, Time t, const Pose& X_NB,
                                   const Matrix6& cov) const;
   bool stands_as_expected(const Pose& X_NB) const;
+  /// Tells the LEDs of a drone that stands where it is expected, at least so many of
+  /// them, by all that may be off, and goes on from there with the rig as they show it.
+  /// @returns false, with nothing changed, where they cannot be told beyond doubt.
+  bool start_at_rest(BlobSpan blobs, Time t, int leds_least, FrameReport& out);
+  Result<RestFit> find_at_rest(BlobSpan blobs, int leds_least, LedFrame& frame) const;
+  /// The rig as a drone at rest has shown it, and the drone.
+  void take_rest(const RestFit& fit, int leds_seen, Time t);
   /// All that are not the twins of brighter ones in a glossy pad. Valid until the next
   /// call.
   BlobSpan without_twins(BlobSpan blobs);
@@ -253,6 +265,8 @@ class RelativeEstimator {
   Time step_;
   Camera camera_;
   Constellation leds_;
+  Camera camera_written_;
+  Constellation leds_written_;
   Seconds exposure_;
   BlobDetector detector_;
   LedFinder finder_;
@@ -273,6 +287,7 @@ class RelativeEstimator {
   // Of fits to five LEDs and more, rms times distance, px m: LEDs that are not where
   // the rig says misfit by more pixels the nearer they are. 0: not known.
   double usual_misfit_ = 0, misfit_least_ = 0;
+  double misfit_ = 0, fits_ = 0;       // as they were, and of how many
   double fitted_misfit_ = 0;           // the same of the last fit,
   int fitted_leds_ = 0;                // which was to so many
   Vector3 lift_N_ = Vector3::UnitZ();  // where its thrust points
@@ -296,6 +311,8 @@ class RelativeEstimator {
   bool expecting_ = false;
   Pose X_NB_expected_ = Pose::Identity();
   Matrix6 cov_expected_ = Matrix6::Identity();
+  bool rig_measured_ = false;  // on the pad
+  unsigned incomplete_ = 0;    // pictures there with LEDs missing
   PadMirror mirror_;
   StrayMemory strays_;
   bool sure_ = false;           // since it was found LEDs enough left no doubt

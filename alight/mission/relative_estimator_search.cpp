@@ -23,6 +23,7 @@ constexpr std::size_t kNoLamps = 6;
 // pose that explains more: then, after twice as many, and so on, at last after every so
 // many.
 constexpr unsigned kDoubtAfter = 4, kDoubtEvery = 256;
+constexpr int kRestLeds = 4;    // of a drone at rest that do to start with
 constexpr double kFlies = 0.5;  // With at least so much of its weight in thrust.
 
 Covariance9 covariance_of(const PoseFit& fit, double velocity_sd) {
@@ -61,6 +62,8 @@ void RelativeEstimator::search(const CameraFrame& frame, const MotionSource& mot
   Result<FoundLeds> found = fail(Fault::too_few_points);
   {
     const ProbeScope scope(probe, Stage::associate);
+    const bool at_rest = expecting_ && !filter_.initialized();
+    if (at_rest && start_at_rest(*blobs, frame.captured, leds_.size(), out)) return;
     found = finder_.find(*blobs, frame.captured);
     if (found && config_.tell_apart) place_by_pixels(frame, *blobs, *found);
     if (!beyond_doubt(found) && config_.blobs.dim_threshold > 0) {
@@ -82,7 +85,8 @@ void RelativeEstimator::search(const CameraFrame& frame, const MotionSource& mot
     // Near the lens LEDs that are off fit no better where they are than moved on by
     // one: of a drone that stands where it should, the way it stands tells which is
     // which.
-    if (expecting_ && !filter_.initialized()) {
+    if (at_rest) {
+      if (start_at_rest(*blobs, frame.captured, kRestLeds, out)) return;
       const auto explain = [&](BlobSpan lights) {
         auto expected =
             find_expected(lights, frame.captured, X_NB_expected_, cov_expected_);
@@ -271,13 +275,19 @@ void RelativeEstimator::go_on_from(const FoundLeds& found, Time t, FrameReport& 
     velocity_sd = std::max(0.3, 2 * filter_.velocity_sd());
   }
   filter_.reset(t, x, covariance_of(found.fit, velocity_sd), d_N, b_N, &found.frame);
+  start_from(found, t, out);
+}
+
+void RelativeEstimator::start_from(const FoundLeds& found, Time t, FrameReport& out) {
+  const Vector3 p_NB = found.fit.X_NB.translation();
   last_told_ = t;
   last_sight_ = t;
   if (config_.tell_apart && found.frame.seen.size() >= kTellingLeds) {
     usual_misfit_ = std::max(
-        {usual_misfit_, misfit_least_, found.fit.rms_px * lens_distance(x.p_NB)});
+        {usual_misfit_, misfit_least_, found.fit.rms_px * lens_distance(p_NB)});
   }
   remember_fit(found.frame.led_count(), found.fit.rms_px);
+  misfit_ = fits_ = 0;
   forget_past();
   rivals_.clear();
   doubt_.clear();
@@ -454,6 +464,63 @@ BlobSpan RelativeEstimator::without_twins(BlobSpan blobs) {
     }
   }
   return {no_twins_.data(), no_twins_.size()};
+}
+
+bool RelativeEstimator::start_at_rest(BlobSpan blobs, Time t, int leds_least,
+                                      FrameReport& out) {
+  if (!config_.tell_apart || !config_.calibrate_at_rest) return false;
+  LedFrame frame;
+  auto fit = find_at_rest(without_twins(blobs), leds_least, frame);
+  const bool twins = !fit;
+  if (twins) fit = find_at_rest(blobs, leds_least, frame);
+  if (!fit) return false;
+  ignores_twins_ = !twins;
+  frame.t = t;
+  take_rest(*fit, static_cast<int>(frame.seen.size()), t);
+  FoundLeds found;
+  found.frame = frame;
+  found.fit.X_NB = fit->X_NB;
+  found.fit.rms_px = fit->rms_px;
+  fresh_ = found_again_ = false;
+  usual_misfit_ = 0;
+  start_from(found, t, out);
+  return true;
+}
+
+Result<RestFit> RelativeEstimator::find_at_rest(BlobSpan blobs, int leds_least,
+                                                LedFrame& frame) const {
+  FixedVector<RestLight, kMaxRestLights> lights;
+  FixedVector<const Blob*, kMaxRestLights> blob_of;
+  for (const Blob& blob : blobs) {
+    RestLight light{blob.uv, 0};
+    for (int i = 0; i < leds_.size(); ++i) {
+      const bool may_be =
+          !config_.finder.use_color || colors_agree(blob.color, leds_.color(i), true);
+      light.may_be = static_cast<std::uint16_t>(light.may_be | may_be << i);
+    }
+    if (blob.cut || light.may_be == 0) continue;
+    if (!lights.push_back(light)) return fail(Fault::ambiguous);
+    blob_of.push_back(&blob);
+  }
+  const auto found =
+      associate_at_rest(config_.rest, camera_written_, leds_written_,
+                        {lights.data(), lights.size()}, X_NB_expected_, leds_least);
+  if (!found) return fail(found.error());
+  frame.seen.clear();
+  for (int i = 0; i < leds_.size(); ++i) {
+    const int j = (*found)[static_cast<std::size_t>(i)];
+    if (j < 0) continue;
+    const Blob& blob = *blob_of[static_cast<std::size_t>(j)];
+    LedObservation o;
+    o.leds = static_cast<std::uint16_t>(1u << i);
+    o.uv = blob.uv;
+    o.cov = blob.cov;
+    o.depth_m = blob.depth_m;
+    frame.seen.push_back(o);
+  }
+  return alight::calibrate_at_rest(config_.rest, camera_written_, leds_written_,
+                                   {frame.seen.data(), frame.seen.size()},
+                                   X_NB_expected_);
 }
 
 Result<FoundLeds> RelativeEstimator::find_expected(BlobSpan blobs, Time t,

@@ -101,8 +101,7 @@ bool runs_on(const Blob& blob, const Vector2& blur_px) {
   const Vector2 stretch =
       stretch_of(blob.spread) - stretch_of(blur_px * blur_px.transpose() / 12);
   const double half = 0.5 * stretch.norm();
-  const double narrow =
-      0.5 * (blob.spread.trace() - blur_px.squaredNorm() / 12) - half;
+  const double narrow = 0.5 * (blob.spread.trace() - blur_px.squaredNorm() / 12) - half;
   return 2 * half > std::max((kLongest - 1) * narrow, kLongLeast);
 }
 

@@ -133,6 +133,53 @@ TEST(RelativeFilter, AWrongBlobIsGatedAndTheRestUsed) {
   }
 }
 
+// While its pose is vague a light that stands 3 px off is probable; the others tell.
+TEST(RelativeFilter, OneThatContradictsTheOthersIsLeftOutHoweverProbable) {
+  Rng rng(21);
+  constexpr double kMisfit_px = 0.5;
+  double with_m = 0, without_m = 0;
+  int runs = 0, left_out = 0, sound_left_out = 0, too_few = 0;
+  for (; runs < 200; ++runs) {
+    const Bench b;
+    RelativeFilter filter = b.filter;
+    const RelativeState x = b.truth(0);
+    RelativeState vague = x;
+    vague.p_NB += normal3(rng, 0.03);
+    vague.R_NB = vague.R_NB * so3_exp(normal3(rng, 0.06));
+    Covariance9 cov = Covariance9::Identity();
+    cov.diagonal() << Vector3::Constant(9e-4), Vector3::Constant(3.6e-3),
+        Vector3::Constant(0.01);
+    filter.reset(0, vague, cov);
+    LedFrame frame = picture(b.rig.camera, b.rig.leds, x.X_NB(), 0, 0.1, rng);
+    RelativeFilter sound = filter;
+    const auto plain = sound.update(frame, 0, nullptr, kMisfit_px);
+    ASSERT_TRUE(plain);
+    sound_left_out += plain->used < 6;
+    const std::size_t wrong = static_cast<std::size_t>(runs) % 6;
+    const double turn = rng.uniform(0, 2 * kPi);
+    const Vector2 off(3 * std::cos(turn), 3 * std::sin(turn));
+    frame.seen[wrong].uv += off;
+    if (runs % 2 == 1) frame.seen[(wrong + 1) % 6].uv += off;
+    RelativeFilter believing = filter, strict = filter;
+    ASSERT_TRUE(believing.update(frame).has_value());
+    with_m += (believing.state().p_NB - x.p_NB).norm();
+    too_few +=
+        fault_of(strict.update(frame, 6, nullptr, kMisfit_px)) == Fault::ambiguous;
+    const auto report = filter.update(frame, 0, nullptr, kMisfit_px);
+    ASSERT_TRUE(report);
+    without_m += (filter.state().p_NB - x.p_NB).norm();
+    EXPECT_EQ(report->used, static_cast<int>(report->seen.size()));
+    const auto is_wrong = [&](const RefusedBlob& r) {
+      return r.uv == frame.seen[wrong].uv && r.reason == Refusal::off_constellation;
+    };
+    left_out += std::any_of(report->refused.begin(), report->refused.end(), is_wrong);
+  }
+  EXPECT_GE(left_out, 0.7 * runs);  // along some directions one off fits a pose
+  EXPECT_GE(too_few, 0.7 * runs);
+  EXPECT_EQ(sound_left_out, 0);
+  EXPECT_LT(without_m, 0.5 * with_m);
+}
+
 TEST(RelativeFilter, AContradictionIsReportedAndThePredictionStands) {
   Bench b;
   b.run(1, 60);

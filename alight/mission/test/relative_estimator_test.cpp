@@ -837,9 +837,36 @@ TEST(RelativeEstimator, AtRestADroneIsNotTurnedOverToFitLedsThatAreOff) {
   EXPECT_GE(upright, 180);  // 160 by the pictures alone
 }
 
+// The way it stands is known better than LEDs are that are off: one that misfits is not
+// let go, for another to take its light.
+TEST(RelativeEstimator, AtRestEveryLedThatIsOffIsSeenInItsOwnLight) {
+  for (const unsigned dark : {0u, 0x04u}) {
+    int all = 0, others = 0;
+    double turned = 0;
+    for (unsigned seed = 1; seed <= 200; ++seed) {
+      AtRest w(seed, RelativeEstimatorConfig{});
+      w.expect();
+      w.stand(20, 0x3f & ~dark);
+      all += w.report.tracked &&
+             std::popcount(0x3f & ~dark) == static_cast<int>(w.report.leds.size());
+      for (const LedUse& use : w.report.leds) {
+        const int led = std::countr_zero(use.observation.leds);
+        const auto uv =
+            project_led(w.truth.camera, w.X_NB_rest, w.truth.leds.p_BL(led));
+        others += (use.observation.uv - *uv).norm() > 2;
+      }
+      const Matrix3 R_NB = w.estimator.filter().state().R_NB;
+      turned += so3_log(w.X_NB_rest.linear().transpose() * R_NB).norm() / kDegree;
+    }
+    EXPECT_GE(all, 196) << dark;
+    EXPECT_EQ(others, 0) << dark;
+    EXPECT_LT(turned / 200, 4) << dark;
+  }
+}
+
 // By the lens a few mm are many pixels.
 TEST(RelativeEstimator, AllLedsThatAreOffStartADroneWhereItIsKnownToStand) {
-  int tracked = 0, wide = 0;
+  int tracked = 0;
   for (unsigned seed = 1; seed <= 100; ++seed) {
     AtRest w(seed);
     for (int i = 0; i < w.rig.leds.size(); ++i) {
@@ -848,10 +875,8 @@ TEST(RelativeEstimator, AllLedsThatAreOffStartADroneWhereItIsKnownToStand) {
     }
     w.expect();
     tracked += w.stand(10) > 0;
-    wide += w.report.reprojection_px > AtRest::config().reprojection_max_px;
   }
   EXPECT_GE(tracked, 99);
-  EXPECT_GE(wide, 2);
 }
 
 TEST(RelativeEstimator, AtRestARepeatedPictureIsOneOnlyOfACameraThatHasNoise) {
@@ -1024,9 +1049,9 @@ TEST(RelativeEstimator, MeasuresTheRigAtRestAndGoesOnWithIt) {
     AtRest w(seed);
     w.expect();
     ASSERT_GE(w.stand(40), 35);
-    before_px += w.report.reprojection_px;
     const auto fit = w.estimator.calibrate_at_rest();
     if (!fit) continue;
+    before_px += fit->rms_before_px;
     ++answered;
     EXPECT_LT(fit->rms_px, 0.3);
     EXPECT_LT(fit->rms_px, fit->rms_before_px);

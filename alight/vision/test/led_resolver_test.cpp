@@ -234,8 +234,8 @@ TEST(LedResolver, ALampInFrontOfAnLedIsNotFollowedInItsPlace) {
   EXPECT_LE(wrong, 1);
 }
 
-// So near the lens an LED is a disc that keeps its middle, and runs together with a slat
-// that is about as large.
+// So near the lens an LED is a disc that keeps its middle, and runs together with a
+// slat that is about as large.
 TEST(LedResolver, ALampThatRunsOnFromALargeLedDoesNotMoveIt) {
   Rng rng(15);
   const auto tracker = *LedTracker::create({}, alan_rig().camera, alan_rig().leds);
