@@ -7,6 +7,7 @@
 #include <cassert>
 #include <cmath>
 #include <span>
+#include <utility>
 
 #include "alight/geometry/small_solve.h"
 
@@ -40,9 +41,11 @@ constexpr double kLeftLeast = 0.1;  // of a residual's variance, whatever is com
 // may be carried.
 constexpr double kCarried = 2.75;
 constexpr double kCarriedFor = 60;  // pictures, less and less
-constexpr std::size_t kTelling =
-    4;  // more of them tell which one contradicts the others
-constexpr double kTurnAside = 0.2;  // rad; a turn so far off tells nothing of its rate
+// Beyond so many sd of all that it may be off by, an LED contradicts the others;
+constexpr double kMisfitSds = 2.5;
+constexpr double kPlainly = 0.6;     // share of the next best misfit without it
+constexpr std::size_t kTelling = 4;  // more of them tell which one
+constexpr double kTurnAside = 0.2;   // rad; a turn so far off tells nothing of its rate
 
 bool finite(const PlatformState& p) {
   return p.X_IN.matrix().allFinite() && p.w_IN_N.allFinite() && p.a_IN_N.allFinite() &&
@@ -481,9 +484,10 @@ double RelativeFilter::misfit_px(const Pose& X_NB,
   int count = 0;
   for (const PictureMeasurement& m : measurements) {
     const auto n = static_cast<Eigen::Index>(m.images.size());
-    // What says little of its place may stand far off.
-    const double sd = std::sqrt(static_cast<double>(2 * n) / m.information.trace());
-    const double share = std::min(1.0, limit_px / sd);
+    // What says little of its place may stand far off, and an LED that may be off, too.
+    const double sd =
+        m.slack * std::sqrt(static_cast<double>(2 * n) / m.information.trace());
+    const double share = std::min(1.0, limit_px / (kMisfitSds * sd));
     for (const MeasuredImage& image : m.images) {
       const auto uv = project_observation(camera_, X_NB, leds_, image.leds);
       if (uv) sum += share * share * (image.uv - *uv).squaredNorm();
@@ -496,43 +500,31 @@ double RelativeFilter::misfit_px(const Pose& X_NB,
 bool RelativeFilter::leave_out_misfit(double limit_px, const MapUpdateOptions& options,
                                       PictureMeasurements& measurements,
                                       UpdateReport& report) const {
-  // One that contradicts the others, or two.
-  const std::size_t count = measurements.size();
-  unsigned left_out = 0;
-  double least_px = limit_px;
-  const auto look = [&](unsigned without) {
-    PictureMeasurements others;
-    std::size_t images = 0;
-    for (std::size_t k = 0; k < count; ++k) {
-      if ((without >> k) & 1) continue;
-      others.push_back(measurements[k]);
-      images += measurements[k].images.size();
-    }
-    if (images < kTelling) return;
+  // Of two that contradict the others four are left: they fit whichever two those are.
+  std::optional<std::size_t> left_out;
+  double least_px = limit_px, next_px = limit_px;
+  for (std::size_t k = 0; k < measurements.size(); ++k) {
+    PictureMeasurements others = measurements;
+    others.erase(k);
     MotionState x = state_;
     Matrix15 P = P_;
-    if (!map_update(camera_, leds_, others, options, x, P, nullptr)) return;
+    if (!map_update(camera_, leds_, others, options, x, P, nullptr)) continue;
     const double px = misfit_px(x.x.X_NB(), others, limit_px);
-    if (px >= least_px) return;
-    least_px = px;
-    left_out = without;
-  };
-  for (std::size_t k = 0; k < count; ++k) look(1u << k);
-  for (std::size_t k = 0; left_out == 0 && k < count; ++k) {
-    for (std::size_t i = 0; i < k; ++i) look(1u << k | 1u << i);
-  }
-  if (left_out == 0) return false;
-  std::size_t last = report.seen.size();
-  for (std::size_t k = count; k-- > 0;) {
-    const std::size_t images = measurements[k].images.size();
-    last -= images;
-    if (((left_out >> k) & 1) == 0) continue;
-    for (std::size_t n = 0; n < images; ++n) {
-      report.refused.push_back({report.seen[last].uv, Refusal::off_constellation});
-      report.seen.erase(last);
+    if (px < least_px) {
+      next_px = std::exchange(least_px, px);
+      left_out = k;
+    } else {
+      next_px = std::min(next_px, px);
     }
-    measurements.erase(k);
   }
+  if (!left_out || least_px > kPlainly * next_px) return false;
+  std::size_t first = 0;
+  for (std::size_t k = 0; k < *left_out; ++k) first += measurements[k].images.size();
+  for (std::size_t n = measurements[*left_out].images.size(); n > 0; --n) {
+    report.refused.push_back({report.seen[first].uv, Refusal::off_constellation});
+    report.seen.erase(first);
+  }
+  measurements.erase(*left_out);
   report.used = static_cast<int>(report.seen.size());
   return true;
 }
@@ -576,8 +568,12 @@ Result<UpdateReport> RelativeFilter::update(const LedFrame& frame, std::size_t a
   auto done = map_update(camera_, leds_, measurements, options, next, P,
                          knows_led_errors() ? &bias : nullptr);
   if (!done) return fail(done.error());
-  if (misfit_px > 0 && report.seen.size() > kTelling &&
-      this->misfit_px(next.x.X_NB(), measurements, misfit_px) > misfit_px &&
+  const auto contradicts = [&] {
+    return misfit_px > 0 &&
+           this->misfit_px(next.x.X_NB(), measurements, misfit_px) > misfit_px;
+  };
+  report.contradicts = report.seen.size() > kTelling && contradicts();
+  if (report.contradicts &&
       leave_out_misfit(misfit_px, options, measurements, report)) {
     if (report.seen.size() < agreeing) return fail(Fault::ambiguous);
     next = state_;
@@ -586,6 +582,7 @@ Result<UpdateReport> RelativeFilter::update(const LedFrame& frame, std::size_t a
     done = map_update(camera_, leds_, measurements, options, next, P,
                       knows_led_errors() ? &bias : nullptr);
     if (!done) return fail(done.error());
+    report.contradicts = contradicts();
   }
   if (told != nullptr &&
       !(knows_led_errors() && options.velocity_variance == 0 &&

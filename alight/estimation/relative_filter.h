@@ -87,9 +87,10 @@ class RelativeFilter {
   /// @param agreeing  Observations that must have passed the gate; less: ambiguous.
   /// @param told      Receives what the picture tells of the LEDs; nothing without
   ///                  errors to be known of them, or with the velocity measured.
-  /// @param misfit_px Where five and more fit worse than this (rms), and all but one of
-  ///                  them better, that one is left out (Refusal::off_constellation): a
-  ///                  lamp, or a light that runs together with one. 0: never.
+  /// @param misfit_px Where five and more fit worse than this (rms) and than LEDs and
+  ///                  pixels may be off, and all but one plainly better, that one is
+  ///                  left out (Refusal::off_constellation): a lamp, or a light that
+  ///                  runs together with one. 0: never.
   Result<UpdateReport> update(const LedFrame& frame, std::size_t agreeing = 0,
                               LedInformation* told = nullptr, double misfit_px = 0);
 

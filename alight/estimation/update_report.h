@@ -17,10 +17,11 @@ struct ObservationReport {
 /// What the filter made of one picture.
 struct UpdateReport {
   int iterations = 0;
-  bool converged = false;  ///< The last step was below the tolerance.
-  int used = 0;            ///< Observations that took part.
-  int gated = 0;           ///< Too improbable.
-  int malformed = 0;       ///< NaN, no covariance, unknown LED.
+  bool converged = false;    ///< The last step was below the tolerance.
+  int used = 0;              ///< Observations that took part.
+  int gated = 0;             ///< Too improbable.
+  int malformed = 0;         ///< NaN, no covariance, unknown LED.
+  bool contradicts = false;  ///< They fit worse than they may be off, even so.
   double moved = 0;  ///< Squared Mahalanobis distance of the pose from the prediction.
   double reprojection_px = 0;  ///< Root mean square distance, used ones, after.
   FixedVector<ObservationReport, kMaxLeds> seen;  ///< Those used.

@@ -263,9 +263,12 @@ double Mission::ramp_rate(const MissionInput& in) const {
 }
 
 bool Mission::leaves_ground(const MissionInput& in) const {
+  // Leaning, its lower feet stay there longer.
+  const double leans =
+      angle_between(Vector3(in.x.R_NB.col(2)), Vector3(R_rest_.col(2)));
   return status_.state == MissionState::taken_off && airborne_ &&
          !config_.start_on_floor && to_seconds(in.now - lifted_at_) <= kLeavesIn &&
-         in.z_acted - p_rest_.z() <= kLeft;
+         in.z_acted - p_rest_.z() - arm_ * std::sin(leans) <= kLeft;
 }
 
 // Light on its feet it may still stand when it is seen to slide: what the ground

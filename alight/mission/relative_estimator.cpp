@@ -542,8 +542,7 @@ bool RelativeEstimator::accept(const LedFrame& leds, std::size_t agreeing,
     misfit_ += (misfit - misfit_) / fits_;
   }
   if (out.tracked && config_.learn_leds && !expecting_) learn_leds(leds, *report);
-  const bool fits = misfit_max_px() == 0 || out.reprojection_px <= misfit_max_px();
-  if (out.tracked && telling && fits &&
+  if (out.tracked && telling && !report->contradicts &&
       static_cast<std::size_t>(leds.led_count()) >= kTellingLeds) {
     learn_led_errors(told, leds.t);
   }

@@ -138,9 +138,9 @@ TEST(RelativeFilter, OneThatContradictsTheOthersIsLeftOutHoweverProbable) {
   Rng rng(21);
   constexpr double kMisfit_px = 0.5;
   double with_m = 0, without_m = 0;
-  int runs = 0, left_out = 0, sound_left_out = 0, too_few = 0;
+  int runs = 0, left_out = 0, sound_left_out = 0, too_few = 0, told = 0;
   for (; runs < 200; ++runs) {
-    const Bench b;
+    const Bench b(RelativeFilterConfig{}.with_perfect_rig());
     RelativeFilter filter = b.filter;
     const RelativeState x = b.truth(0);
     RelativeState vague = x;
@@ -159,7 +159,7 @@ TEST(RelativeFilter, OneThatContradictsTheOthersIsLeftOutHoweverProbable) {
     const double turn = rng.uniform(0, 2 * kPi);
     const Vector2 off(3 * std::cos(turn), 3 * std::sin(turn));
     frame.seen[wrong].uv += off;
-    if (runs % 2 == 1) frame.seen[(wrong + 1) % 6].uv += off;
+    const RelativeFilter clean = filter;
     RelativeFilter believing = filter, strict = filter;
     ASSERT_TRUE(believing.update(frame).has_value());
     with_m += (believing.state().p_NB - x.p_NB).norm();
@@ -173,11 +173,38 @@ TEST(RelativeFilter, OneThatContradictsTheOthersIsLeftOutHoweverProbable) {
       return r.uv == frame.seen[wrong].uv && r.reason == Refusal::off_constellation;
     };
     left_out += std::any_of(report->refused.begin(), report->refused.end(), is_wrong);
+    // Two of them are not told: the picture contradicts itself.
+    frame.seen[(wrong + 1) % 6].uv += off;
+    RelativeFilter with_two = clean;
+    const auto two = with_two.update(frame, 0, nullptr, kMisfit_px);
+    ASSERT_TRUE(two);
+    told += two->contradicts || two->used < 6;
   }
-  EXPECT_GE(left_out, 0.7 * runs);  // along some directions one off fits a pose
-  EXPECT_GE(too_few, 0.7 * runs);
+  EXPECT_GE(left_out, 0.97 * runs);
+  EXPECT_GE(too_few, 0.97 * runs);
+  EXPECT_GE(told, 0.8 * runs);
   EXPECT_EQ(sound_left_out, 0);
   EXPECT_LT(without_m, 0.5 * with_m);
+}
+
+// LEDs of a rig that may be off by as much contradict nobody.
+TEST(RelativeFilter, LedsThatAreOffAsTheyMayBeAreNotLeftOut) {
+  Rng rng(22);
+  int left_out = 0, contradicting = 0;
+  constexpr int kRuns = 200;
+  for (int run = 0; run < kRuns; ++run) {
+    const Bench b;  // led_position_sd_m 2 mm: 1 px and more at that range
+    Constellation truth = b.rig.leds;
+    for (Led& led : truth.leds) led.p_BL += normal3(rng, 0.002);
+    RelativeFilter filter = b.filter;
+    LedFrame frame = picture(b.rig.camera, truth, b.truth(0).X_NB(), 0, 0.05, rng);
+    const auto report = filter.update(frame, 0, nullptr, 0.25);
+    ASSERT_TRUE(report);
+    left_out += report->used < 6;
+    contradicting += report->contradicts;
+  }
+  EXPECT_LE(left_out, 0.02 * kRuns);
+  EXPECT_LE(contradicting, 0.02 * kRuns);
 }
 
 TEST(RelativeFilter, AContradictionIsReportedAndThePredictionStands) {
