@@ -1416,7 +1416,13 @@ TEST(Mission, WhatSlidesBeforeItLiftsGoesOnLeavingTheGround) {
     EXPECT_GT(f.c.thrust_least, least);
     least = f.c.thrust_least;
   }
+  // Leaning, a foot of it stands there still.
   f.x().p_NB.z() = gear + 0.03;
+  f.x().R_NB = from_rpy(0, 15 * kDegree, 0);
+  f.step();
+  EXPECT_GT(f.c.thrust_least, least);
+  f.x().p_NB.z() = gear + 0.03;
+  f.x().R_NB = Matrix3::Identity();
   f.step();
   EXPECT_EQ(f.c.thrust_least, 0);
 }

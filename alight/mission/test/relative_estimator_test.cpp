@@ -864,6 +864,22 @@ TEST(RelativeEstimator, AtRestEveryLedThatIsOffIsSeenInItsOwnLight) {
   }
 }
 
+TEST(RelativeEstimator, AtRestLampsElsewhereDoNotMatter) {
+  for (unsigned seed = 1; seed <= 5; ++seed) {
+    AtRest w(seed, RelativeEstimatorConfig{});
+    Rng rng(seed);
+    w.expect();
+    w.draw(w.X_NB_rest);
+    for (int k = 0; k < 120; ++k) {
+      w.picture.add(Vector2(10 + 6.9 * k, rng.uniform(5, 35)), LedColor::white);
+    }
+    w.now += kFrame;
+    w.fuse(w.now);
+    EXPECT_TRUE(w.report.tracked) << w.report.why_not;
+    EXPECT_EQ(w.report.leds.size(), 6u);
+  }
+}
+
 // By the lens a few mm are many pixels.
 TEST(RelativeEstimator, AllLedsThatAreOffStartADroneWhereItIsKnownToStand) {
   int tracked = 0;
