@@ -1,5 +1,6 @@
 #include "alight/mission/relative_estimator.h"
 
+#include <algorithm>
 #include <bit>
 #include <cmath>
 
@@ -25,7 +26,9 @@ constexpr Seconds kLongUnseen = 0.15;
 // Standard deviation of the place from which a prediction does not tell LEDs from
 // lamps.
 constexpr double kVaguePlace_m = 0.15;
-// Pictures with LEDs missing after which a drone at rest is looked at anew.
+// Pictures in a row in which one LED contradicts the others and is not believed.
+constexpr int kContradictions = 20;
+// Pictures after which a drone at rest of which an LED was missing is looked at anew.
 constexpr unsigned kLookAgainEvery = 8;
 // So many pictures in a row, each another than the one before: the camera has noise, or
 // what it sees moves. More than a drone that was put down takes to come to rest.
@@ -345,10 +348,10 @@ bool RelativeEstimator::follow(const CameraFrame& frame, FrameReport& out,
   out.blobs = static_cast<int>(blobs->size());
   if (expecting_ && ignores_twins_) *blobs = without_twins(*blobs);
   if (!config_.tell_apart) return follow_among(*blobs, frame, out, probe);
-  if (rig_measured_ && expecting_ && filter_.last_report().used < leds_.size() &&
-      ++incomplete_ % kLookAgainEvery == 0) {
-    const int before = filter_.last_report().used;
-    if (start_at_rest(*blobs, frame.captured, before + 1, out)) return true;
+  if (rig_measured_ && expecting_ && rest_leds_ < leds_.size() &&
+      ++incomplete_ % kLookAgainEvery == 0 &&
+      start_at_rest(*blobs, frame.captured, rest_leds_ + 1, out)) {
+    return true;
   }
   if (expecting_ && !stands_as_expected(filter_.state().X_NB())) {
     // Most LEDs of a rig that is off may fit a drone that stands otherwise better.
@@ -486,8 +489,11 @@ bool RelativeEstimator::accept(const LedFrame& leds, std::size_t agreeing,
   if (rms_max_px < kAnyFit || lost || vague) before = filter_;
   LedInformation told;
   const bool telling = config_.learn_led_errors && !expecting_;
-  auto report = filter_.update(leds, agreeing, telling ? &told : nullptr,
-                               expecting_ ? 0 : misfit_max_px());
+  // What goes on contradicting is no lamp that passes, but LEDs that are off.
+  const double most_px = expecting_ ? 0 : misfit_max_px();
+  const bool strict = contradictions_ < kContradictions;
+  auto report =
+      filter_.update(leds, agreeing, telling ? &told : nullptr, strict ? most_px : 0);
   if (report &&
       (report->reprojection_px > rms_max_px || (vague && report->moved > kMovedMost) ||
        (lost && !leans_as_known(filter_.state().R_NB)))) {
@@ -512,10 +518,16 @@ bool RelativeEstimator::accept(const LedFrame& leds, std::size_t agreeing,
   }
   // What LEDs are off by does not average out as the filter takes it to: told with each
   // picture, how it stands weighs against it what it weighs in one.
-  if (expecting_ && config_.tell_apart && !rig_measured_ &&
-      stands_as_expected(filter_.state().X_NB())) {
-    filter_.update_pose(X_NB_expected_, cov_expected_);
+  if (expecting_ && config_.tell_apart && stands_as_expected(filter_.state().X_NB())) {
+    filter_.update_pose(X_NB_rest_, cov_expected_);
   }
+  const auto contradicts = [](const RefusedBlob& blob) {
+    return blob.reason == Refusal::off_constellation;
+  };
+  const bool misfits =
+      report->contradicts || (!strict && report->reprojection_px > most_px) ||
+      std::any_of(report->refused.begin(), report->refused.end(), contradicts);
+  contradictions_ = misfits ? contradictions_ + 1 : 0;
   for (const ObservationReport& seen : report->seen) {
     LedUse use;
     use.observation.leds = seen.leds;
@@ -628,7 +640,7 @@ FixedVector<Vector2, kMaxLeds> RelativeEstimator::image_motion(const Pose& X_NB)
 void RelativeEstimator::expect(const Pose& X_NB, const Matrix6& cov) {
   expecting_ = true;
   ignores_twins_ = false;
-  X_NB_expected_ = X_NB;
+  X_NB_expected_ = X_NB_rest_ = X_NB;
   cov_expected_ = cov;
   rest_images_.forget();
 }
@@ -676,6 +688,8 @@ void RelativeEstimator::take_rest(const RestFit& fit, int leds_seen, Time t) {
   rivals_.set_rig(camera_, filter_);
   config_.learn_leds = learning_ = leds_moved_ = false;
   rig_measured_ = true;
+  rest_leds_ = leds_seen;
+  X_NB_rest_ = fit.X_NB;
   // They fit where it stands, whatever is wrong with them elsewhere.
   misfit_least_ = led_sd_m * camera_.intrinsics.fx;
   RelativeState x;

@@ -304,15 +304,18 @@ class RelativeEstimator {
   int taken_up_ = 0;  // pictures in a row with few LEDs seen again, not yet confirmed
   // As it was before them, and when LEDs were last seen well.
   std::optional<RelativeFilter> before_taken_up_, sound_;
-  int doubts_ = 0;         // pictures in a row with LEDs missing
-  int confirmations_ = 0;  // of the answer that contradicts the prediction
+  int contradictions_ = 0;  // pictures in a row
+  int doubts_ = 0;          // pictures in a row with LEDs missing
+  int confirmations_ = 0;   // of the answer that contradicts the prediction
   Pose X_NB_contrary_ = Pose::Identity();
   bool on_floor_ = false;
   bool expecting_ = false;
   Pose X_NB_expected_ = Pose::Identity();
   Matrix6 cov_expected_ = Matrix6::Identity();
-  bool rig_measured_ = false;  // on the pad
-  unsigned incomplete_ = 0;    // pictures there with LEDs missing
+  Pose X_NB_rest_ = Pose::Identity();  // there, once measured, else where expected
+  bool rig_measured_ = false;          // on the pad
+  int rest_leds_ = 0;                  // by so many of them
+  unsigned incomplete_ = 0;            // pictures since then, if not by all
   PadMirror mirror_;
   StrayMemory strays_;
   bool sure_ = false;           // since it was found LEDs enough left no doubt

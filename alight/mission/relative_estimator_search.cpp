@@ -24,8 +24,8 @@ constexpr std::size_t kNoLamps = 6;
 // many.
 constexpr unsigned kDoubtAfter = 4, kDoubtEvery = 256;
 constexpr double kRestReach = 4;  // sd of its place, from where it is expected
-constexpr int kRestLeds = 4;    // of a drone at rest that do to start with
-constexpr double kFlies = 0.5;  // With at least so much of its weight in thrust.
+constexpr int kRestLeds = 4;      // of a drone at rest that do to start with
+constexpr double kFlies = 0.5;    // With at least so much of its weight in thrust.
 
 Covariance9 covariance_of(const PoseFit& fit, double velocity_sd) {
   Covariance9 cov = Covariance9::Zero();
@@ -491,10 +491,10 @@ bool RelativeEstimator::start_at_rest(BlobSpan blobs, Time t, int leds_least,
 Result<RestFit> RelativeEstimator::find_at_rest(BlobSpan blobs, int leds_least,
                                                 LedFrame& frame) const {
   const LedImages images = led_images(camera_written_, leds_written_, X_NB_expected_);
-  const double reach_px = images.size_px +
-                          kRestReach * config_.rest.place_sd_m *
-                              camera_written_.intrinsics.fx /
-                              lens_distance(X_NB_expected_.translation());
+  const double reach_px =
+      images.size_px + kRestReach * config_.rest.place_sd_m *
+                           camera_written_.intrinsics.fx /
+                           lens_distance(X_NB_expected_.translation());
   FixedVector<RestLight, kMaxRestLights> lights;
   FixedVector<const Blob*, kMaxRestLights> blob_of;
   for (const Blob& blob : blobs) {

@@ -864,6 +864,22 @@ TEST(RelativeEstimator, AtRestEveryLedThatIsOffIsSeenInItsOwnLight) {
   }
 }
 
+// Four fit many ways to stand; what six have told is not given up for them.
+TEST(RelativeEstimator, AtRestAFewLedsLessChangeNothing) {
+  for (unsigned seed = 1; seed <= 40; ++seed) {
+    AtRest w(seed, RelativeEstimatorConfig{});
+    w.expect();
+    w.stand(20);
+    const Matrix3 R_NB = w.estimator.filter().state().R_NB;
+    for (const unsigned left : {0x3bu, 0x3au, 0x38u, 0x3au}) {
+      w.stand(10, left);
+      const double turned =
+          so3_log(R_NB.transpose() * w.estimator.filter().state().R_NB).norm();
+      EXPECT_LT(turned, 3 * kDegree) << seed << ' ' << left;
+    }
+  }
+}
+
 TEST(RelativeEstimator, AtRestLampsElsewhereDoNotMatter) {
   for (unsigned seed = 1; seed <= 5; ++seed) {
     AtRest w(seed, RelativeEstimatorConfig{});
