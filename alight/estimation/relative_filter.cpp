@@ -6,6 +6,7 @@
 #include <bit>
 #include <cassert>
 #include <cmath>
+#include <optional>
 #include <span>
 #include <utility>
 
@@ -477,7 +478,7 @@ void RelativeFilter::add_depth(const LedObservation& o, const Pose& X_NB,
   out.depth_variance = variance;
 }
 
-double RelativeFilter::misfit_px(const Pose& X_NB,
+double RelativeFilter::misfit_of(const Pose& X_NB,
                                  const PictureMeasurements& measurements,
                                  double limit_px) const {
   double sum = 0;
@@ -509,7 +510,7 @@ bool RelativeFilter::leave_out_misfit(double limit_px, const MapUpdateOptions& o
     MotionState x = state_;
     Matrix15 P = P_;
     if (!map_update(camera_, leds_, others, options, x, P, nullptr)) continue;
-    const double px = misfit_px(x.x.X_NB(), others, limit_px);
+    const double px = misfit_of(x.x.X_NB(), others, limit_px);
     if (px < least_px) {
       next_px = std::exchange(least_px, px);
       left_out = k;
@@ -570,7 +571,7 @@ Result<UpdateReport> RelativeFilter::update(const LedFrame& frame, std::size_t a
   if (!done) return fail(done.error());
   const auto contradicts = [&] {
     return misfit_px > 0 &&
-           this->misfit_px(next.x.X_NB(), measurements, misfit_px) > misfit_px;
+           misfit_of(next.x.X_NB(), measurements, misfit_px) > misfit_px;
   };
   report.contradicts = report.seen.size() > kTelling && contradicts();
   if (report.contradicts &&

@@ -129,13 +129,16 @@ class RelativeFilter {
   double velocity_sd() const;
 
  private:
-  double misfit_px(const Pose& X_NB, const PictureMeasurements& measurements,
-                   double limit_px) const;
-  /// @returns false where none that is left out lets the others fit.
-  bool leave_out_misfit(double limit_px, const MapUpdateOptions& options,
-                        PictureMeasurements& measurements, UpdateReport& report) const;
   RelativeFilter(const RelativeFilterConfig& config, const Camera& camera,
                  const Constellation& leds);
+  /// Root mean square distance of images from where X_NB has them; less of what may be
+  /// off by more than `limit_px`, by pixels or LEDs.
+  double misfit_of(const Pose& X_NB, const PictureMeasurements& measurements,
+                   double limit_px) const;
+  /// Takes the one out that the others plainly contradict.
+  /// @returns false, with nothing changed, where there is none.
+  bool leave_out_misfit(double limit_px, const MapUpdateOptions& options,
+                        PictureMeasurements& measurements, UpdateReport& report) const;
   /// What of a frame is fused, each observation or group judged by the prediction.
   Result<void> prepare(const LedFrame& frame, PictureMeasurements& measurements,
                        UpdateReport& report) const;

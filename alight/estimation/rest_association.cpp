@@ -1,9 +1,9 @@
 #include "alight/estimation/rest_association.h"
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 #include <numbers>
+#include <optional>
 
 #include "alight/base/fixed_vector.h"
 #include "alight/estimation/rest_model.h"

@@ -14,9 +14,9 @@ struct Rest {
 };
 
 /// Pose (6), mount (6), focal length (1), principal point (2), three for each LED.
-constexpr int kRestPose = 0, kRestMount = 6, kRestFocal = 12, kRestPrincipal = 13,
-              kRestLeds = 15;
-constexpr int kRestMost = kRestLeds + 3 * kMaxLeds;
+inline constexpr int kRestPose = 0, kRestMount = 6, kRestFocal = 12,
+                     kRestPrincipal = 13, kRestLeds = 15;
+inline constexpr int kRestMost = kRestLeds + 3 * kMaxLeds;
 using RestUnknowns = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kRestMost, 1>;
 using RestInformation =
     Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kRestMost, kRestMost>;

@@ -471,9 +471,11 @@ bool RelativeEstimator::start_at_rest(BlobSpan blobs, Time t, int leds_least,
                                       FrameReport& out) {
   if (!config_.tell_apart || !config_.calibrate_at_rest) return false;
   LedFrame frame;
-  auto fit = find_at_rest(without_twins(blobs), leds_least, frame);
+  const BlobSpan alone = without_twins(blobs);
+  auto fit = find_at_rest(alone, leds_least, frame);
   const bool twins = !fit;
-  if (twins) fit = find_at_rest(blobs, leds_least, frame);
+  if (twins && alone.size() < blobs.size())
+    fit = find_at_rest(blobs, leds_least, frame);
   if (!fit) return false;
   ignores_twins_ = !twins;
   frame.t = t;
@@ -496,8 +498,9 @@ Result<RestFit> RelativeEstimator::find_at_rest(BlobSpan blobs, int leds_least,
                            camera_written_.intrinsics.fx /
                            lens_distance(X_NB_expected_.translation());
   FixedVector<RestLight, kMaxRestLights> lights;
-  FixedVector<const Blob*, kMaxRestLights> blob_of;
-  for (const Blob& blob : blobs) {
+  FixedVector<int, kMaxRestLights> blob_of;
+  for (std::size_t j = 0; j < blobs.size(); ++j) {
+    const Blob& blob = blobs[j];
     if ((blob.uv - images.middle).norm() > reach_px) continue;
     RestLight light{blob.uv, 0};
     for (int i = 0; i < leds_.size(); ++i) {
@@ -507,24 +510,18 @@ Result<RestFit> RelativeEstimator::find_at_rest(BlobSpan blobs, int leds_least,
     }
     if (blob.cut || light.may_be == 0) continue;
     if (!lights.push_back(light)) return fail(Fault::ambiguous);
-    blob_of.push_back(&blob);
+    blob_of.push_back(static_cast<int>(j));
   }
   const auto found =
       associate_at_rest(config_.rest, camera_written_, leds_written_,
                         {lights.data(), lights.size()}, X_NB_expected_, leds_least);
   if (!found) return fail(found.error());
-  frame.seen.clear();
-  for (int i = 0; i < leds_.size(); ++i) {
-    const int j = (*found)[static_cast<std::size_t>(i)];
-    if (j < 0) continue;
-    const Blob& blob = *blob_of[static_cast<std::size_t>(j)];
-    LedObservation o;
-    o.leds = static_cast<std::uint16_t>(1u << i);
-    o.uv = blob.uv;
-    o.cov = blob.cov;
-    o.depth_m = blob.depth_m;
-    frame.seen.push_back(o);
+  Assignment match;
+  for (std::size_t i = 0; i < kMaxLeds; ++i) {
+    const int light = (*found)[i];
+    if (light >= 0) match.blob[i] = blob_of[static_cast<std::size_t>(light)];
   }
+  frame.seen = observations(match, images, blobs, 0);
   return alight::calibrate_at_rest(config_.rest, camera_written_, leds_written_,
                                    {frame.seen.data(), frame.seen.size()},
                                    X_NB_expected_);

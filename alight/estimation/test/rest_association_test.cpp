@@ -74,6 +74,13 @@ void shuffle(World& w, Rng& rng) {
   }
 }
 
+/// Counts an answer, if there is one.
+void tell(World& w, Rng& rng, int& right, int& wrong) {
+  shuffle(w, rng);
+  const auto found = w.associate();
+  if (found) (*found == w.own ? right : wrong)++;
+}
+
 TEST(RestAssociation, TellsEveryLedByAllThatMayBeOff) {
   for (const bool any_color : {false, true}) {
     Rng rng(1);
@@ -82,9 +89,7 @@ TEST(RestAssociation, TellsEveryLedByAllThatMayBeOff) {
     for (int run = 0; run < kRuns; ++run) {
       World w(rng);
       for (int i = 0; i < 6; ++i) w.show(rng, i, any_color);
-      shuffle(w, rng);
-      const auto found = w.associate();
-      if (found) (*found == w.own ? right : wrong)++;
+      tell(w, rng, right, wrong);
     }
     EXPECT_GE(right, any_color ? 0.95 * kRuns : 0.99 * kRuns) << any_color;
     EXPECT_LE(wrong, 0.002 * kRuns) << any_color;
@@ -110,9 +115,7 @@ TEST(RestAssociation, AmongLampsAndTwinsToo) {
       w.lights.push_back(
           {Vector2(rng.uniform(0, 848), rng.uniform(0, 480)), w.colored(k % 6)});
     }
-    shuffle(w, rng);
-    const auto found = w.associate();
-    if (found) (*found == w.own ? right : wrong)++;
+    tell(w, rng, right, wrong);
   }
   EXPECT_GE(right, 0.85 * kRuns);  // of the others two are about as likely
   EXPECT_LE(wrong, 0.01 * kRuns);
@@ -127,9 +130,7 @@ TEST(RestAssociation, AnLedThatIsDarkIsMissing) {
     for (int i = 0; i < 6; ++i) {
       if (i != run % 6) w.show(rng, i);
     }
-    shuffle(w, rng);
-    const auto found = w.associate();
-    if (found) (*found == w.own ? right : wrong)++;
+    tell(w, rng, right, wrong);
   }
   EXPECT_GE(right, 0.9 * kRuns);
   EXPECT_LE(wrong, 0.01 * kRuns);
