@@ -392,6 +392,7 @@ MissionCommand Mission::step(const MissionInput& in, Output& out) {
     default:
       break;
   }
+  keep_off_ground(in, c);
   c.platform_speed_wish = platform_wish(in);
   c.on_ground = !airborne_;
   out.mission = status_;

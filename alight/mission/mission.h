@@ -27,11 +27,15 @@ struct MissionCommand {
   double square_up = 0;     ///< track: share of the way from the attitude that feedback
                             ///< asks for over to that of the pad.
   double tilt_limit = 0;    ///< rad
-  double thrust_least = 0;  ///< track: of the nominal hover thrust.
+  double thrust_least = 0;  ///< track: of the nominal hover thrust. Not zero: the drone
+                            ///< leaves the ground or has just done so.
+  double raise_m = 0;       ///< track: on top of the reference, for it may have sunk,
+  double raise_m_s = 0;     ///< which grows so fast.
   AutopilotOrder order = AutopilotOrder::none;
   double platform_speed_wish = 1;
   bool on_ground = true;     ///< The ground carries the drone: thrust does not move it.
-  bool lifted = false;       ///< In this step it was seen to have left the ground,
+  bool lifted = false;       ///< In this step it was seen to leave the ground,
+  bool carried = false;      ///< by its thrust alone (it did not only slide),
   Seconds lifted_since = 0;  ///< which it did this long before the picture.
 };
 
@@ -97,8 +101,10 @@ class Mission {
   bool stopped_beneath(const MissionInput& in);
   double ramp_rate(const MissionInput& in) const;  // 1/s
   bool stood(const MissionInput& in);
+  bool lifts_off(const MissionInput& in) const;
   bool leaves_ground(const MissionInput& in) const;
   void leave_ground(const MissionInput& in, Command& c) const;
+  void keep_off_ground(const MissionInput& in, Command& c) const;
   /// Aborted in sight and clear of the platform, which stays to see it to the floor.
   bool stays_beside(const MissionInput& in) const;
   /// How near the pad's middle, level, the drone comes on its way to the floor if the

@@ -47,6 +47,14 @@ constexpr double kAgainstWindMost = 0.8;
 constexpr Seconds kBlindSinksAfter = 0.5;
 constexpr double kSinksLeast = 0.42;
 
+// A drone that is not seen may be lower than predicted by a tenth of a m/s that its
+// last pictures had not told yet and by thrust that is not known to 5 %: twice that,
+// m/s and m/s^2, after a time, s, in which pictures may be late; m, at most, for higher
+// up there is room. So far above its feet's height, m, it is to stay all the same.
+constexpr Seconds kHeightKnown = 0.1;
+constexpr double kSinksUnseen = 0.2, kFallsUnseen = 0.8, kSunkMost = 0.3;
+constexpr double kOffGround = 0.15;
+
 /// How long one that brakes with time constant `tau` would have gone on at its first
 /// speed to get as far as it has after `t`.
 Seconds braking(Seconds tau, Seconds t) { return tau * (1 - std::exp(-t / tau)); }
@@ -221,6 +229,17 @@ void Mission::lost_target(const MissionInput& in, Output& out) {
        in, out);
     for_want_of_sight_ = true;
   }
+}
+
+// Blown off at the take-off it would touch, out of sight, what it believes to be above.
+void Mission::keep_off_ground(const MissionInput& in, Command& c) const {
+  const bool lands = status_.state == MissionState::land;
+  const Seconds u = unseen(in) - kHeightKnown;
+  if (c.mode != Command::Mode::track || lands || !in.estimate_valid || u <= 0) return;
+  const double sunk = kSinksUnseen * u + 0.5 * kFallsUnseen * u * u;
+  const double least = in.x.p_NB.z() - gear_height_ - std::min(sunk, kSunkMost);
+  c.raise_m = std::clamp(kOffGround - least, 0.0, std::min(sunk, kSunkMost));
+  if (c.raise_m > 0 && sunk < kSunkMost) c.raise_m_s = kSinksUnseen + kFallsUnseen * u;
 }
 
 bool Mission::learnt(const MissionInput& in) const {

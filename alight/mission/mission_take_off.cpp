@@ -17,8 +17,11 @@ constexpr Seconds kComingDownFor = 0.45;
 constexpr double kStillStands = 0.85;
 // What its autopilot has done by itself within this time, s, has not lifted it off.
 constexpr Seconds kJustTookOver = 0.4;
-constexpr double kLeft = 0.02;      // m above where it stood: no foot touches,
-constexpr Seconds kLeavesIn = 0.8;  // which is never far off.
+constexpr double kLeft = 0.02;       // m above where it stood: no foot touches,
+constexpr double kLeftSeen = 0.005;  // told by a picture, which is older,
+constexpr Seconds kLeavesIn = 0.8;   // which is never far off.
+// So near above the ground, m, it keeps this much of the nominal hover thrust.
+constexpr double kNearGround = 0.3, kKeepsUp = 0.9;
 // Of the nominal hover thrust: it moves even a drone that is a fifth heavier than the
 // rig says, and pictures that show nothing of that show the past.
 constexpr double kMovesIt = 1.25;
@@ -233,6 +236,7 @@ void Mission::taken_off(const MissionInput& in, Command& c, Output& out) {
   lifted_at_ = in.now;
   share_lifted_ = c.ramp_share;
   c.lifted = true;
+  c.carried = rose;
   // Thrust grows evenly, so the rise goes with the third power of time.
   const double flown = std::max(rise - kStandNoise, 0.0);
   c.lifted_since =
@@ -262,22 +266,32 @@ double Mission::ramp_rate(const MissionInput& in) const {
   return config_.ramp_rate * std::min(1.0, kRampActsIn / std::max(in.acts_in, 1e-3));
 }
 
+bool Mission::lifts_off(const MissionInput& in) const {
+  return status_.state == MissionState::taken_off && airborne_ &&
+         !config_.start_on_floor && to_seconds(in.now - lifted_at_) <= kLeavesIn;
+}
+
+// What thrust makes of it is known once it is seen: a drone heavier than the rig says
+// is told to rise while it slides in the wind, and would slide on with less thrust.
 bool Mission::leaves_ground(const MissionInput& in) const {
   // Leaning, its lower feet stay there longer.
   const double leans =
       angle_between(Vector3(in.x.R_NB.col(2)), Vector3(R_rest_.col(2)));
-  return status_.state == MissionState::taken_off && airborne_ &&
-         !config_.start_on_floor && to_seconds(in.now - lifted_at_) <= kLeavesIn &&
-         in.z_acted - p_rest_.z() - arm_ * std::sin(leans) <= kLeft;
+  const double least = p_rest_.z() + arm_ * std::sin(leans);
+  return lifts_off(in) &&
+         (in.z_acted - least <= kLeft || in.x_seen.p_NB.z() - least <= kLeftSeen);
 }
 
 // Light on its feet it may still stand when it is seen to slide: what the ground
 // carries is no wind from below. (To limit its tilt has it slide off in a wind.) What
-// is on its way to it counts: waiting to see it rise throws it up.
+// is on its way to it counts: waiting to see all of its rise throws it up.
 void Mission::leave_ground(const MissionInput& in, Command& c) const {
-  if (!leaves_ground(in)) return;
-  const Seconds since = to_seconds(in.now - lifted_at_);
-  c.thrust_least = std::min(share_lifted_ + ramp_rate(in) * since, config_.ramp_to);
+  if (leaves_ground(in)) {
+    const Seconds since = to_seconds(in.now - lifted_at_);
+    c.thrust_least = std::min(share_lifted_ + ramp_rate(in) * since, config_.ramp_to);
+  } else if (lifts_off(in) && in.z_acted - p_rest_.z() < kNearGround) {
+    c.thrust_least = kKeepsUp;
+  }
 }
 
 }  // namespace alight

@@ -1421,10 +1421,70 @@ TEST(Mission, WhatSlidesBeforeItLiftsGoesOnLeavingTheGround) {
   f.x().R_NB = from_rpy(0, 15 * kDegree, 0);
   f.step();
   EXPECT_GT(f.c.thrust_least, least);
-  f.x().p_NB.z() = gear + 0.03;
+  least = f.c.thrust_least;
+  // Said to have left, it is not until a picture shows it.
+  f.x().p_NB.z() = gear;
   f.x().R_NB = Matrix3::Identity();
   f.step();
+  f.sight = false;
+  f.x().p_NB.z() = gear + 0.1;
+  f.step();
+  EXPECT_GT(f.c.thrust_least, least);
+  f.sight = true;
+  f.x().p_NB.z() = gear + 0.03;
+  f.step();
+  EXPECT_LT(f.c.thrust_least, 1);
+  EXPECT_GT(f.c.thrust_least, 0.85) << "or it comes down again";
+  f.x().p_NB.z() = gear + 0.35;
+  f.step();
   EXPECT_EQ(f.c.thrust_least, 0);
+}
+
+// What slides has not yet all its weight on its rotors: that says nothing of them.
+TEST(Mission, OnlyARiseTellsWhatTheThrustIsWorth) {
+  for (const bool slides : {true, false}) {
+    SCOPED_TRACE(slides);
+    Flight f;
+    f.lifts = !slides;
+    if (slides) f.slid = Vector3(1.1 * MissionConfig{}.slip_m, 0, 0);
+    ASSERT_TRUE(f.reach(State::taken_off));
+    while (!f.c.lifted && f.state() == State::taken_off) f.step();
+    ASSERT_TRUE(f.c.lifted);
+    EXPECT_EQ(f.c.carried, !slides);
+  }
+}
+
+// Not seen, it may be lower than it is believed to be: low it had better climb, the
+// more, the longer that lasts. High up there is room, and seen there is no doubt.
+TEST(Mission, UnseenAndLowItIsFlownAsIfItHadSunk) {
+  for (const double above : {0.1, 0.3, 0.8}) {
+    SCOPED_TRACE(above);
+    Flight f;
+    ASSERT_TRUE(f.reach(State::taken_off));
+    f.run(0.5);
+    f.lifts = false;
+    const double z = f.rig().drone.gear_height_m + above;
+    f.x().p_NB.z() = z;
+    f.step();
+    EXPECT_EQ(f.c.raise_m, 0);
+    f.sight = false;
+    double raise = 0;
+    for (int i = 0; i < 80; ++i) {
+      f.x().p_NB.z() = z;
+      f.step();
+      ASSERT_EQ(f.c.mode, MissionCommand::Mode::track);
+      EXPECT_GE(f.c.raise_m, raise);
+      EXPECT_LE(f.c.raise_m - raise, 0.01) << "a jump";
+      EXPECT_TRUE(f.c.raise_m_s == 0 || f.c.raise_m > 0);
+      raise = f.c.raise_m;
+    }
+    EXPECT_EQ(f.state(), State::lost_target);
+    EXPECT_NEAR(raise, std::clamp(0.3 - above + 0.15, 0.0, 0.3), 0.02);
+    f.sight = true;
+    f.step();
+    EXPECT_EQ(f.c.raise_m, 0);
+    EXPECT_EQ(f.c.raise_m_s, 0);
+  }
 }
 
 // Blind, the autopilot leans on the floor until its motors stop.
