@@ -29,6 +29,7 @@ constexpr Seconds kTooFastFor = 0.5;
 // by.
 constexpr double kVagueSds = 2;
 constexpr Seconds kVagueFor = 0.1;
+constexpr const char* kActsAlone = "set-points do not arrive: the autopilot acts alone";
 
 /// Level direction from the lens to the pad.
 Vector3 level_from_lens(const Rig& rig) {
@@ -232,11 +233,14 @@ bool Mission::overruled(const MissionInput& in, Output& out) {
   }
   // A burst of losses puts the autopilot into its failsafe until set-points come again.
   if (in.mode != AutopilotMode::failsafe) {
+    // Why it holds, if it does, stays the reason.
+    if (failsafe_ && status_.reason == kActsAlone) status_.reason = reason_before_;
     failsafe_ = false;
   } else {
     if (!failsafe_) {
       failsafe_since_ = in.now;
-      note("set-points do not arrive: the autopilot acts alone", in, out);
+      reason_before_ = status_.reason;
+      note(kActsAlone, in, out);
     }
     failsafe_ = true;
     failsafe_till_ = in.now;

@@ -178,6 +178,7 @@ class Mission {
   Time obeyed_till_ = 0;   // for all that is known until then
   bool failsafe_ = false;  // the autopilot's, for want of set-points
   Time failsafe_since_ = 0, failsafe_till_ = 0;
+  const char* reason_before_ = "";         // it began
   Blindness blindness_ = Blindness::leds;  // as told last
   Time told_ = 0;                          // when the last note was made
   Vector3 search_goal_ = Vector3::Zero();  // of a lost target

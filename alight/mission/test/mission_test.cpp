@@ -1145,6 +1145,14 @@ TEST(Mission, WithoutOdometryItHoldsUntilThereIsSomeAgain) {
     EXPECT_EQ(f.reason(), "no platform odometry comes");
     f.run(30);
     EXPECT_EQ(f.state(), State::hold);
+    // A burst of losses does not change why it holds.
+    f.mode = AutopilotMode::failsafe;
+    f.run(0.3);
+    EXPECT_EQ(f.reason(), "set-points do not arrive: the autopilot acts alone");
+    f.mode = AutopilotMode::offboard;
+    f.step();
+    EXPECT_EQ(f.state(), State::hold);
+    EXPECT_EQ(f.reason(), "no platform odometry comes");
     f.platform = true;
     f.step();
     expect_last(f, State::hold, State::follow, "the platform odometry is back");
