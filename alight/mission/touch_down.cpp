@@ -40,11 +40,11 @@ constexpr Seconds kFlareIsSet = 0.4;  // before the end,
 constexpr double kWaits = 0.1;        // unless it waits: at a pace below this
 // m/s^2; a wider swing takes longer, that its jerk grows by as much as itself only.
 constexpr double kFlareWide = 1.5;
-// A push as strong as that of 30 km/h is leant against down to the pad, but for so
-// much, m/s^2: set-points are lost for 0.2 s now and then, and a drone that was told to
-// be upright before is blown back as long, and trips over its feet. From what push on,
-// and how much more with each m/s^2 of it:
-constexpr double kLeansFrom = 2.2, kLeansMore = 2, kLeansLess = 0.5;
+// A strong push is leant against down to the pad, but for so much, m/s^2: set-points
+// are lost for 0.3 s now and then, and a drone that was told to be upright before is
+// blown off as long, and trips over its feet. From what push on, and how much more with
+// each m/s^2 of it; a deck that swings presses otherwise soon:
+constexpr double kLeansFrom = 1.3, kLeansMore = 2, kLeansLess = 0.5;
 // When the feet come down is not known better than this, s. Upright for as long it
 // gains speed, m/s, at most:
 constexpr Seconds kUprightFor = 0.03;
@@ -74,9 +74,10 @@ constexpr Seconds kMayBeDeaf = 0.1;
 double horizontal(const Vector3& v) { return v.head<2>().norm(); }
 
 /// By how much less it may lean than a push asks for, m/s^2, as it touches.
-double leans_less(double push) {
-  const double more = std::max(push - kLeansFrom, 0.0);
-  return std::max(std::min(push, kLeansFrom) - kLeansMore * more, kLeansLess);
+double leans_less(double push, double deck_swing) {
+  const double from = kLeansFrom + deck_swing;
+  const double more = std::max(push - from, 0.0);
+  return std::max(std::min(push, from) - kLeansMore * more, kLeansLess);
 }
 
 }  // namespace
@@ -97,9 +98,10 @@ Seconds TouchDown::begins_before_end() const {
          kControlAhead;
 }
 
-double TouchDown::flare_most(double push) const {
-  return std::min(
-      {config_.flare_share * push, config_.flare_max_m_s2, leans_less(push)});
+double TouchDown::flare_most(const MissionInput& in) const {
+  const double push = horizontal(in.f_touch_N);
+  return std::min({config_.flare_share * push, config_.flare_max_m_s2,
+                   leans_less(push, in.deck_swing)});
 }
 
 Seconds TouchDown::flare_lasts(double a) const {
@@ -117,7 +119,7 @@ void TouchDown::flare(const MissionInput& in, Maneuver& maneuver) {
     // Upright on the pad, whatever wind and turns would have it lean, as far as may be.
     Vector3 a_N = -config_.flare_share * in.f_touch_N;
     a_N.z() = 0;
-    const double a = flare_most(horizontal(in.f_touch_N));
+    const double a = flare_most(in);
     a_N = a * a_N.stableNormalized();
     const double left = horizontal(in.f_touch_N + a_N) / kGravity;
     const Seconds lower = std::min(foot_spread() * left / sink, kFlareEarly);
@@ -175,8 +177,9 @@ double TouchDown::square_up(const MissionInput& in, double miss) {
     square_up_most_ = std::clamp(2 - miss / kSquareUpWithin, 0.0, 1.0);
   }
   const double push = horizontal(in.f_touch_N);
-  const double flared = flare_most(push);
-  const double leans = push - flared, gives = leans_less(push) - flared;
+  const double flared = flare_most(in);
+  const double leans = push - flared;
+  const double gives = leans_less(push, in.deck_swing) - flared;
   const double most = leans > gives ? gives / leans : 1.0;
   return std::min({share, square_up_most_, most});
 }

@@ -12,8 +12,8 @@ namespace alight {
 /// blown away, and a drone whose thrust goes while it leans falls onto its feet; both
 /// have thrown drones over. So thrust goes when it will be the feet's turn, earlier the
 /// harder it is blown, what is left of it leans into the wind, and the motors stop only
-/// once it is upright and slides no more. Against a strong push, as at 30 km/h, it
-/// stays leant down to the pad: a radio may be silent just then.
+/// once it is upright and slides no more. Against a strong push, as in 4 m/s of wind,
+/// it stays leant down to the pad: a radio may be silent just then.
 class TouchDown {
  public:
   TouchDown(const MissionConfig& config, const Rig& rig);
@@ -53,7 +53,7 @@ class TouchDown {
 
  private:
   /// By how much the flare lessens the lean that a push asks for, m/s^2.
-  double flare_most(double push) const;
+  double flare_most(const MissionInput& in) const;
   Seconds flare_lasts(double a) const;
   bool may_touch(const MissionInput& in, const Maneuver& maneuver) const;
   bool carried(const MissionInput& in);

@@ -246,7 +246,7 @@ TEST_F(TouchDownTest, TheLastThrustLeansAgainstWhatWouldThrowItOver) {
 }
 
 TEST_F(TouchDownTest, ItIsUprightForAsLongAsTheTouchIsUnsure) {
-  for (const double push : {1.0, 2.0}) {
+  for (const double push : {0.6, 1.2}) {
     touch_.begin();
     for (Seconds t = 0.3; t < 1.9; t += kStep) {
       touch_.flare(at(t, 0.25 * (2 - t), 0, push), maneuver_);
@@ -261,34 +261,42 @@ TEST_F(TouchDownTest, ItIsUprightForAsLongAsTheTouchIsUnsure) {
 
 TEST_F(TouchDownTest, TheReferenceEndsUprighter) {
   for (Seconds t = 0.5; t < 1.9; t += kStep) {
-    touch_.flare(at(t, 0.25 * (2 - t), 0, 2), maneuver_);
+    touch_.flare(at(t, 0.25 * (2 - t), 0, 1.2), maneuver_);
   }
-  // Leaning by 2 m/s^2 keeps it in place; the reference accelerates the other way.
-  EXPECT_NEAR(maneuver_.at(from_seconds(1.999)).a_NB.x(), -2 * config_.flare_share,
-              0.15);
+  // Leaning by 1.2 m/s^2 keeps it in place; the reference accelerates the other way.
+  EXPECT_NEAR(maneuver_.at(from_seconds(1.999)).a_NB.x(), -1.2 * config_.flare_share,
+              0.1);
 }
 
-// At 30 km/h set-points are lost for 0.2 s now and then as it touches: told to be
-// upright before it is blown back all that time.
+// Set-points are lost for 0.3 s now and then as it touches: told to be upright before,
+// it is blown off all that time. A deck that swings presses from elsewhere soon.
 TEST_F(TouchDownTest, AStrongPushIsLeantAgainstDownToThePad) {
-  double last = 10;
-  for (double push = 0.5; push < 4.5; push += 0.25) {
-    touch_.begin();
-    maneuver_ = Maneuver::landing(sinking_landing(gear()), 0, config_.sink_m);
-    for (Seconds t = 0.3; t < 1.9; t += kStep) {
-      touch_.flare(at(t, 0.25 * (2 - t), 0, push), maneuver_);
-    }
-    const double flared = -maneuver_.at(from_seconds(1.999)).a_NB.x();
-    const double squared = touch_.square_up(at(1.999, 0, 0, push), 0);
-    const double given = flared + squared * (push - flared);
-    if (push < 2.1) {
-      EXPECT_NEAR(given, push, 0.05);
-    } else {
-      EXPECT_LT(given, last + 1e-3) << push;
-      last = given;
-    }
-    if (push > 3.2) {
-      EXPECT_NEAR(given, 0.5, 0.05) << push;
+  for (const double swing : {0.0, 0.9}) {
+    SCOPED_TRACE(swing);
+    double last = 10;
+    for (double push = 0.5; push < 4.5; push += 0.25) {
+      touch_.begin();
+      maneuver_ = Maneuver::landing(sinking_landing(gear()), 0, config_.sink_m);
+      const auto pushed = [&](Seconds t, double above) {
+        MissionInput in = at(t, above, 0, push);
+        in.deck_swing = swing;
+        return in;
+      };
+      for (Seconds t = 0.3; t < 1.9; t += kStep) {
+        touch_.flare(pushed(t, 0.25 * (2 - t)), maneuver_);
+      }
+      const double flared = -maneuver_.at(from_seconds(1.999)).a_NB.x();
+      const double squared = touch_.square_up(pushed(1.999, 0), 0);
+      const double given = flared + squared * (push - flared);
+      if (push < 1.3 + swing) {
+        EXPECT_NEAR(given, push, 0.05);
+      } else {
+        EXPECT_LT(given, last + 1e-3) << push;
+        last = given;
+      }
+      if (push > 2.2 + swing) {
+        EXPECT_NEAR(given, 0.5, 0.05) << push;
+      }
     }
   }
 }
