@@ -136,6 +136,7 @@ class Mission {
   /// Its autopilot has set it down on the pad: its motors are stopped.
   /// @returns false: it does not rest there.
   bool set_down(const MissionInput& in, Command& c, Output& out);
+  void leave_pad(const MissionInput& in, Command& c, Output& out);
   void land(const MissionInput& in, Command& c, Output& out);
   /// Gusts pass, and decks come round: better to wait above the pad than to touch
   /// beside its middle or on the edge of a foot.

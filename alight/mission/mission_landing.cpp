@@ -270,6 +270,20 @@ bool Mission::set_down(const MissionInput& in, Command& c, Output& out) {
   return true;
 }
 
+// Its thrust was not gone, as was supposed: from where it is seen, what that had made
+// of the wind forgotten.
+void Mission::leave_pad(const MissionInput& in, Command& c, Output& out) {
+  FlatState from;
+  from.p_NB = in.x_seen.p_NB;
+  from.v_NB = in.x_seen.v_NB;
+  from.v_NB.z() = std::max(from.v_NB.z(), 0.0);
+  from.yaw = yaw_of(in.x_seen.R_NB);
+  maneuver_ = Maneuver::coast(from, in.now);
+  go(MissionState::go_around, "not heard as it touched, it slides off the pad", in,
+     out);
+  c.lifted = true;
+}
+
 void Mission::land(const MissionInput& in, Command& c, Output& out) {
   if (overruled(in, out)) return;
   if (!committed_ && set_down(in, c, out)) return;
@@ -288,6 +302,10 @@ void Mission::land(const MissionInput& in, Command& c, Output& out) {
   if (committed_) touch_down_.feel(in, maneuver_);
   if (touch_down_.stands(in)) {
     go(MissionState::shut_down, "stands on the pad", in, out);
+    return;
+  }
+  if (touch_down_.settling() && touch_down_.slides_off(in)) {
+    leave_pad(in, c, out);
     return;
   }
   if (touch_down_.settling()) {

@@ -70,6 +70,9 @@ constexpr double kUprightBy = 0.15;
 constexpr Seconds kSlidesLonger = 0.35;
 // Nothing heard of it for so long, s, it may not hear either.
 constexpr Seconds kMayBeDeaf = 0.1;
+// Heard again it has its thrust for so long, s, besides what is sent needs to act; and
+// what is left of it takes as long to hold the drone where it slides.
+constexpr Seconds kHeardAgain = 0.05, kSlidesOn = 0.15;
 
 double horizontal(const Vector3& v) { return v.head<2>().norm(); }
 
@@ -91,6 +94,7 @@ TouchDown::TouchDown(const MissionConfig& config, const Rig& rig)
 void TouchDown::begin() {
   flared_ = squares_up_ = settling_ = low_ = false;
   bounced_ = slid_ = false;
+  deaf_ = 0;
 }
 
 Seconds TouchDown::begins_before_end() const {
@@ -226,6 +230,19 @@ bool TouchDown::was_set_down(const MissionInput& in) {
   if (!carried(in) || reach > pad_half_ || x.v_NB.norm() > kAtRest) return false;
   p_touch_ = x.p_NB;
   return true;
+}
+
+bool TouchDown::slides_off(const MissionInput& in) {
+  if (in.link->silence(in.now) > kMayBeDeaf) {
+    deaf_ = in.now;
+    return false;
+  }
+  if (deaf_ == 0 || to_seconds(in.now - deaf_) > kHeardAgain || !in_sight(in)) {
+    return false;
+  }
+  const RelativeState& x = in.x_seen;
+  const Vector3 soon = x.p_NB + (in.acts_in + kSlidesOn) * x.v_NB;
+  return soon.head<2>().cwiseAbs().maxCoeff() > pad_half_ - 0.5 * foot_spread();
 }
 
 bool TouchDown::stands(const MissionInput& in) {

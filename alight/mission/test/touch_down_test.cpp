@@ -167,6 +167,38 @@ TEST_F(TouchDownTest, WhatItsThrustMayStillHoldUpDoesNotStand) {
   EXPECT_LT(deaf, 2.7);
 }
 
+// Set-points that end its thrust were not heard: heard again it still has that.
+TEST_F(TouchDownTest, WhatWasNotHeardAndSlidesOffHadBetterFly) {
+  struct Case {
+    Seconds silent;
+    double v;  // m/s
+    bool seen, flies;
+  };
+  for (const Case& c : {Case{0.28, 0.5, true, true}, Case{0.28, 0.1, true, false},
+                        Case{0.28, 0.5, false, false}, Case{0.05, 0.5, true, false}}) {
+    SCOPED_TRACE(testing::Message() << c.silent << " s, " << c.v << " m/s");
+    TouchDown touch(config_, rig_);
+    touch.begin();
+    link_ = LinkMonitor();
+    int flies = 0;
+    for (Seconds t = 2; t < 2.6; t += kStep) {
+      const bool silent = t >= 2 + kStep && t < 2 + c.silent;
+      if (!silent) link_.heard(from_seconds(t));
+      MissionInput in = at(t, 0.005);
+      in.acts_in = 0.08;
+      in.x_seen.p_NB.x() = std::min(c.v * (t - 2), 0.15);
+      in.x_seen.v_NB = Vector3(c.v, 0, 0);
+      if (!c.seen) in.seen = from_seconds(2);
+      touch.feel(in, maneuver_);
+      const bool now = touch.slides_off(in);
+      EXPECT_TRUE(!now || (!silent && t < 2 + c.silent + 0.06)) << t;
+      flies += now;
+    }
+    ASSERT_TRUE(touch.settling());
+    EXPECT_EQ(flies > 0, c.flies);
+  }
+}
+
 TEST_F(TouchDownTest, UnseenItSettlesByPredictionOnly) {
   MissionInput in = at(2.1, 0.0);
   in.seen = in.now - from_seconds(1);
