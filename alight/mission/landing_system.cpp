@@ -26,7 +26,7 @@ constexpr double kSquareUpMost = 6 * kDegree;  // more would throw it to the sid
 // Of the way back to how it stands, as long as its feet touch: they hold it, in part.
 // Just above the ground it is taken to follow as little: it leans the more, and the
 // sooner, against what blows it out of a picture that is narrow there (of 200 take-offs
-// in 5 m/s of wind 1 was lost sight of, 8 without).
+// in 5 m/s of wind 2 were lost sight of, 8 without).
 constexpr double kFeetHold = 0.5;
 constexpr double kLiftTrust = 0.3;  // share of what lift-off says of the thrust
 // Pictures that still come are to find the filter where they were taken.

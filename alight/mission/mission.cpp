@@ -142,10 +142,7 @@ void Mission::move_to(const Vector3& p_NB, double speed, const MissionInput& in)
       config_.move_acceleration_m_s2 * speed / config_.move_speed_m_s;
   FlatState from = maneuver_.at(in.now);
   if ((from.p_NB - in.x.p_NB).norm() > config_.go_around_error_m) {
-    from = FlatState{};
-    from.p_NB = in.x.p_NB;
-    from.v_NB = in.x.v_NB;
-    from.yaw = yaw_of(in.x.R_NB);
+    from = as_it_flies(in.x);
     const double room = std::clamp(from.p_NB.z() - gear_height_, 0.03, kBrakeWithin);
     const double within = from.v_NB.z() < 0 ? room : kBrakeWithin;
     const double brake =

@@ -236,9 +236,10 @@ void Mission::keep_off_ground(const MissionInput& in, Command& c) const {
   const bool lands = status_.state == MissionState::land;
   const Seconds u = unseen(in) - kHeightKnown;
   if (c.mode != Command::Mode::track || lands || !in.estimate_valid || u <= 0) return;
-  const double sunk = kSinksUnseen * u + 0.5 * kFallsUnseen * u * u;
-  const double least = in.x.p_NB.z() - gear_height_ - std::min(sunk, kSunkMost);
-  c.raise_m = std::clamp(kOffGround - least, 0.0, std::min(sunk, kSunkMost));
+  const double sunk =
+      std::min(kSinksUnseen * u + 0.5 * kFallsUnseen * u * u, kSunkMost);
+  const double least = in.x.p_NB.z() - gear_height_ - sunk;
+  c.raise_m = std::clamp(kOffGround - least, 0.0, sunk);
   if (c.raise_m > 0 && sunk < kSunkMost) c.raise_m_s = kSinksUnseen + kFallsUnseen * u;
 }
 
@@ -368,11 +369,7 @@ void Mission::pilot(const MissionInput& in, Command& c, Output& out) {
          in, out);
   }
   if (!in.estimate_valid) return;
-  FlatState as_it_flies;
-  as_it_flies.p_NB = in.x.p_NB;
-  as_it_flies.v_NB = in.x.v_NB;
-  as_it_flies.yaw = yaw_of(in.x.R_NB);
-  maneuver_ = Maneuver::coast(as_it_flies, in.now);
+  maneuver_ = Maneuver::coast(as_it_flies(in.x), in.now);
   c.mode = Command::Mode::track;
 }
 

@@ -1,6 +1,9 @@
 #pragma once
 #include "alight/base/time.h"
+#include "alight/geometry/flat_state.h"
 #include "alight/geometry/pose.h"
+#include "alight/geometry/relative_state.h"
+#include "alight/geometry/so3.h"
 
 // What several of the mission's files use: private to them.
 namespace alight {
@@ -18,5 +21,14 @@ inline constexpr const char* kStoodStill =
     "the computer stood still: the autopilot lands";
 
 inline double horizontal(const Vector3& v) { return v.head<2>().norm(); }
+
+/// A reference to begin with from where a drone is, as fast and turned as it is.
+inline FlatState as_it_flies(const RelativeState& x) {
+  FlatState out;
+  out.p_NB = x.p_NB;
+  out.v_NB = x.v_NB;
+  out.yaw = yaw_of(x.R_NB);
+  return out;
+}
 
 }  // namespace alight

@@ -273,11 +273,8 @@ bool Mission::set_down(const MissionInput& in, Command& c, Output& out) {
 // Its thrust was not gone, as was supposed: from where it is seen, what that had made
 // of the wind forgotten.
 void Mission::leave_pad(const MissionInput& in, Command& c, Output& out) {
-  FlatState from;
-  from.p_NB = in.x_seen.p_NB;
-  from.v_NB = in.x_seen.v_NB;
+  FlatState from = as_it_flies(in.x_seen);
   from.v_NB.z() = std::max(from.v_NB.z(), 0.0);
-  from.yaw = yaw_of(in.x_seen.R_NB);
   maneuver_ = Maneuver::coast(from, in.now);
   go(MissionState::go_around, "not heard as it touched, it slides off the pad", in,
      out);

@@ -242,10 +242,7 @@ void Mission::taken_off(const MissionInput& in, Command& c, Output& out) {
   c.lifted_since =
       config_.start_on_floor ? 0 : std::cbrt(6 * flown / (ramp_rate(in) * kGravity));
   c.mode = Command::Mode::track;
-  FlatState from;
-  from.p_NB = in.x.p_NB;
-  from.v_NB = in.x.v_NB;
-  from.yaw = yaw_of(in.x.R_NB);
+  const FlatState from = as_it_flies(in.x);
   maneuver_ = Maneuver::stay(from.p_NB, from.yaw);
   if (config_.start_on_floor) {
     go(MissionState::follow, "in sight: to the follow point", in, out);

@@ -73,6 +73,7 @@ constexpr Seconds kMayBeDeaf = 0.1;
 // Heard again it has its thrust for so long, s, besides what is sent needs to act; and
 // what is left of it takes as long to hold the drone where it slides.
 constexpr Seconds kHeardAgain = 0.05, kSlidesOn = 0.15;
+constexpr double kFootOver = 0.5;  // the edge, by this share of its way from the middle
 
 double horizontal(const Vector3& v) { return v.head<2>().norm(); }
 
@@ -242,7 +243,7 @@ bool TouchDown::slides_off(const MissionInput& in) {
   }
   const RelativeState& x = in.x_seen;
   const Vector3 soon = x.p_NB + (in.acts_in + kSlidesOn) * x.v_NB;
-  return soon.head<2>().cwiseAbs().maxCoeff() > pad_half_ - 0.5 * foot_spread();
+  return soon.head<2>().cwiseAbs().maxCoeff() > pad_half_ - kFootOver * foot_spread();
 }
 
 bool TouchDown::stands(const MissionInput& in) {
