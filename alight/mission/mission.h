@@ -199,7 +199,7 @@ class Mission {
   bool floor_told_ = false;         // that it stands there
   bool for_want_of_sight_ = false;  // aborted: nothing else was wrong
   bool waits_for_it_ = false;       // the platform, for a drone that lands by itself
-  double landing_speed_ = 0;        // the platform's, as the landing began, m/s
+  Vector2 landing_v_IN_N_ = Vector2::Zero();  // the platform's, as the landing began, m/s
   bool stays_for_touch_ = false;    // it has stopped since
   Time left_alone_since_ = 0;
   bool alone_ = false;     // the autopilot or the pilot flies, or soon does:

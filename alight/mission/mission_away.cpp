@@ -108,15 +108,18 @@ double Mission::platform_wish(const MissionInput& in) {
 
 // What stopped a platform may let it go again just as the feet touch: 3 m/s^2 throw a
 // drone over that has no weight on them yet. It is asked to stay until that is done.
+// Odometry that drifts sideways does not hide that it no longer drives the way it did.
 bool Mission::stopped_beneath(const MissionInput& in) {
   const MissionState state = status_.state;
-  const double v = horizontal(in.platform.v_IN_N);
+  const Vector2 v = in.platform.v_IN_N.head<2>();
   if (state != MissionState::land && state != MissionState::shut_down) {
-    landing_speed_ = v;
+    landing_v_IN_N_ = v;
     stays_for_touch_ = false;
   }
-  stays_for_touch_ = stays_for_touch_ ||
-                     (landing_speed_ > kDrives && v < kStoppedShare * landing_speed_);
+  const double speed = landing_v_IN_N_.norm();
+  stays_for_touch_ =
+      stays_for_touch_ ||
+      (speed > kDrives && v.dot(landing_v_IN_N_) < kStoppedShare * speed * speed);
   return stays_for_touch_;
 }
 

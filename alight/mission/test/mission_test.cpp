@@ -38,6 +38,7 @@ class Flight {
   Time planner_delay = 2 * kStep;
   double battery = 1;
   double platform_speed = 0.9;  ///< m/s
+  double platform_slip = 0;     ///< to the left, by an odometry that drifts, m/s
   Blindness blindness = Blindness::leds;
   bool computer_was_late = false;
   bool picture_repeats = false;
@@ -106,7 +107,7 @@ class Flight {
     in.computer_was_late = computer_was_late;
     in.picture_repeats = picture_repeats;
     in.miss_sd_m = miss_sd_m;
-    in.platform.v_IN_N = Vector3(platform_speed, 0, 0);
+    in.platform.v_IN_N = Vector3(platform_speed, platform_slip, 0);
     in.push_N = push_N;
     in.stands_on_floor = stands_on_floor;
     in.deck_swing = deck_swing;
@@ -1775,6 +1776,16 @@ TEST(Mission, APlatformThatStopsBeneathALandingIsAskedToStay) {
   around.off = Vector3(0.4, 0, 0);
   ASSERT_TRUE(around.until(State::go_around, 3));
   EXPECT_EQ(around.c.platform_speed_wish, 1);
+
+  // Its odometry drifts meanwhile, which alone stops nothing.
+  Flight drifts;
+  ASSERT_TRUE(drifts.reach(State::land));
+  drifts.platform_slip = 0.3;
+  drifts.run(0.1);
+  EXPECT_EQ(drifts.c.platform_speed_wish, 1);
+  drifts.platform_speed = 0;
+  drifts.run(0.1);
+  EXPECT_EQ(drifts.c.platform_speed_wish, 0);
 
   Flight still;
   still.platform_speed = 0.15;
