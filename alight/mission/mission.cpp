@@ -223,7 +223,7 @@ bool Mission::overruled(const MissionInput& in, Output& out) {
   if (in.link->lost(in.now)) {
     // A landing that is seen to go on as told is safer than an autopilot left alone
     // over a platform that drives.
-    if (state != MissionState::land || !obeys(in)) {
+    if (state != MissionState::land || !obeys(in, kObeys)) {
       go(MissionState::lost_link, kUnheard, in, out);
       return true;
     }
@@ -320,7 +320,7 @@ bool Mission::watch_battery(const MissionInput& in, Output& out) {
 MissionCommand Mission::step(const MissionInput& in, Output& out) {
   assert(in.link != nullptr);
   MissionCommand c;
-  c.tilt_limit = status_.state == MissionState::land && obeys(in)
+  c.tilt_limit = status_.state == MissionState::land && obeys(in, kObeys)
                      ? tilt_max_
                      : in.link->tilt_limit(in.now, tilt_max_);
   // What the operator said stands until he says otherwise, whatever comes between.
@@ -400,8 +400,8 @@ MissionCommand Mission::step(const MissionInput& in, Output& out) {
   return c;
 }
 
-bool Mission::obeys(const MissionInput& in) const {
-  return in_sight(in) && (in.x.v_NB - reference(in.now).v_NB).norm() < kObeys;
+bool Mission::obeys(const MissionInput& in, double within) const {
+  return in_sight(in) && (in.x.v_NB - reference(in.now).v_NB).norm() < within;
 }
 
 bool Mission::keep_ordering(AutopilotOrder order, const MissionInput& in, Command& c) {

@@ -64,9 +64,9 @@ class Mission {
   using Command = MissionCommand;
   void go(MissionState to, const char* reason, const MissionInput& in, Output& out);
   void move_to(const Vector3& p_NB, double speed, const MissionInput& in);
-  /// From where the reference will be when a plan can be in force.
   /// As plans are told it.
   PlatformState platform_at(Time t, const MissionInput& in) const;
+  /// From where the reference will be when a plan can be in force.
   PlanRequest request_from_reference(const MissionInput& in) const;
   void request_plan(const MissionInput& in, Output& out);
   void ask(PlanRequest request, const MissionInput& in, Output& out);
@@ -79,8 +79,8 @@ class Mission {
   /// Something to be told that changes no state: an event all the same.
   void note(const char* reason, const MissionInput& in, Output& out);
   bool settled(const MissionInput& in);
-  /// Seen to move as it is told: set-points arrive.
-  bool obeys(const MissionInput& in) const;
+  /// Seen to move as it is told, `within` m/s: set-points arrive.
+  bool obeys(const MissionInput& in, double within) const;
   /// Seen far from where it should be.
   bool strayed(const MissionInput& in) const;
   /// The platform is faster than the drone may fly, and stays so.

@@ -29,6 +29,10 @@ constexpr double kDrives = 0.2, kStoppedShare = 0.3;
 constexpr Seconds kBrakesBeside = 1;
 constexpr double kRoomBeside = 0.1;  // m, from the pad's corner to a rotor
 constexpr double kUnsure = 0.05;     // m, of where it comes down
+// m/s against its reference, of a drone that is not heard: one that strays so far may
+// be braking by itself. A platform that brakes for nothing does less harm than one that
+// drives on beneath it.
+constexpr double kObeysSurely = 0.1;
 // So long after its autopilot has acted alone, s, a drone is lost because of that.
 constexpr Seconds kAloneBefore = 1;
 // Unseen for so long, s, the drone may be elsewhere than predicted.
@@ -88,7 +92,7 @@ double Mission::platform_wish(const MissionInput& in) {
   const bool light = state == MissionState::taken_off && !airborne_ && coming_down_;
   // Not heard but seen to do as it is told: only its words are lost.
   const bool unheard = !in.link->healthy(in.now) &&
-                       (state == MissionState::lost_link || may_turn || !obeys(in));
+                       (state == MissionState::lost_link || may_turn || !obeys(in, kObeysSurely));
   const bool alone =
       light || (up && in.telemetry_heard && in.armed &&
                 (unheard || in.mode == AutopilotMode::failsafe ||

@@ -1813,6 +1813,27 @@ TEST(Mission, LowOverThePadThePlatformBrakesAsTheSilentDroneDoes) {
   }
 }
 
+// The first that is seen of an autopilot that brakes by itself.
+TEST(Mission, BeneathASilentDroneThatFallsBehindThePlatformBrakes) {
+  for (const double behind : {0.05, 0.15}) {
+    SCOPED_TRACE(behind);
+    Flight f;
+    ASSERT_TRUE(bring(f, State::land));
+    ASSERT_TRUE(f.until_below(0.3));
+    f.link_up = false;
+    for (int i = 0; i < 50; ++i) {
+      f.x().v_NB = f.mission().reference(f.now() + kStep).v_NB - Vector3(behind, 0, 0);
+      f.step();
+    }
+    if (behind < 0.1) {
+      EXPECT_EQ(f.c.platform_speed_wish, 1) << "as told, if not to the cm/s";
+    } else {
+      EXPECT_LT(f.c.platform_speed_wish, 0.7);
+    }
+    EXPECT_EQ(f.state(), State::land);
+  }
+}
+
 TEST(Mission, FromBeneathADroneThatIsHighItDrivesOn) {
   for (const double speed : {0.9, 2.0}) {
     for (const double wish : wishes_without_link(0.9, speed, 2.5)) EXPECT_EQ(wish, 1);
