@@ -99,6 +99,8 @@ class Mission {
   /// flies.
   double platform_wish(const MissionInput& in);
   bool stopped_beneath(const MissionInput& in);
+  /// The share of its speed at which the pad keeps beneath a drone that brakes.
+  double stays_beneath(const MissionInput& in) const;
   double ramp_rate(const MissionInput& in) const;  // 1/s
   bool stood(const MissionInput& in);
   bool lifts_off(const MissionInput& in) const;
@@ -199,13 +201,15 @@ class Mission {
   bool floor_told_ = false;         // that it stands there
   bool for_want_of_sight_ = false;  // aborted: nothing else was wrong
   bool waits_for_it_ = false;       // the platform, for a drone that lands by itself
-  Vector2 landing_v_IN_N_ = Vector2::Zero();  // the platform's, as the landing began, m/s
-  bool stays_for_touch_ = false;    // it has stopped since
+  Vector2 landing_v_IN_N_ =
+      Vector2::Zero();            // the platform's, as the landing began, m/s
+  bool stays_for_touch_ = false;  // it has stopped since
   Time left_alone_since_ = 0;
   bool alone_ = false;     // the autopilot or the pilot flies, or soon does:
   Seconds brakes_in_ = 0;  // the platform does, if not zero: they would meet, or the
                            // drone comes down beside it and is to be seen
   Time alone_since_ = 0;
+  Vector2 alone_v_IN_N_ = Vector2::Zero();  // the platform's then, m/s
   Time settled_since_ = 0;
   bool settling_ = false;
   Time last_order_ = 0;

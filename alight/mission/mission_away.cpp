@@ -33,6 +33,7 @@ constexpr double kUnsure = 0.05;     // m, of where it comes down
 // be braking by itself. A platform that brakes for nothing does less harm than one that
 // drives on beneath it.
 constexpr double kObeysSurely = 0.1;
+constexpr Seconds kBeneathIn = 0.4;  // the pad is to be beneath it again, s
 // So long after its autopilot has acted alone, s, a drone is lost because of that.
 constexpr Seconds kAloneBefore = 1;
 // Unseen for so long, s, the drone may be elsewhere than predicted.
@@ -91,14 +92,16 @@ double Mission::platform_wish(const MissionInput& in) {
   // Unseen and light on its feet the wind brakes it, too.
   const bool light = state == MissionState::taken_off && !airborne_ && coming_down_;
   // Not heard but seen to do as it is told: only its words are lost.
-  const bool unheard = !in.link->healthy(in.now) &&
-                       (state == MissionState::lost_link || may_turn || !obeys(in, kObeysSurely));
+  const bool unheard =
+      !in.link->healthy(in.now) &&
+      (state == MissionState::lost_link || may_turn || !obeys(in, kObeysSurely));
   const bool alone =
       light || (up && in.telemetry_heard && in.armed &&
                 (unheard || in.mode == AutopilotMode::failsafe ||
                  in.mode == AutopilotMode::land || in.mode == AutopilotMode::hold));
   if (alone && !alone_) {
     alone_since_ = in.now;
+    alone_v_IN_N_ = in.platform.v_IN_N.head<2>();
     brakes_in_ = light || would_meet(in) ? kBrakes
                  : stays_beside(in)      ? kBrakesBeside
                                          : 0;
@@ -107,7 +110,19 @@ double Mission::platform_wish(const MissionInput& in) {
   if ((config_.start_on_floor && on_its_way) || waits_for_it_) return 0;
   if (stopped_beneath(in)) return 0;
   if (!alone || brakes_in_ <= 0) return 1;
-  return std::exp(-to_seconds(in.now - alone_since_) / brakes_in_);
+  const double as_it_brakes = std::exp(-to_seconds(in.now - alone_since_) / brakes_in_);
+  return std::min(as_it_brakes, stays_beneath(in));
+}
+
+// The platform does what the drone cannot: it keeps the pad beneath it.
+double Mission::stays_beneath(const MissionInput& in) const {
+  const double speed = alone_v_IN_N_.norm();
+  if (brakes_in_ != kBrakes || !in_sight(in) || speed < kDrives) return 1;
+  const Vector2 ahead_N = alone_v_IN_N_ / speed;
+  const RelativeState& x = in.x;
+  const Vector3 v_IB_N = inertial_velocity_N(in.platform, x.p_NB, x.v_NB);
+  const double wish = ahead_N.dot(v_IB_N.head<2>() + x.p_NB.head<2>() / kBeneathIn);
+  return std::clamp(wish / speed, 0.0, 1.0);
 }
 
 // What stopped a platform may let it go again just as the feet touch: 3 m/s^2 throw a

@@ -1834,6 +1834,32 @@ TEST(Mission, BeneathASilentDroneThatFallsBehindThePlatformBrakes) {
   }
 }
 
+TEST(Mission, ThePadIsKeptBeneathASilentDroneThatBrakesHarder) {
+  Flight f;
+  ASSERT_TRUE(bring(f, State::land));
+  ASSERT_TRUE(f.until_below(0.3));
+  f.link_up = false;
+  const auto fall_behind = [&](double slower, double behind, Seconds silent_s) {
+    for (const Time end = f.now() + from_seconds(silent_s); f.now() < end;) {
+      f.x().p_NB = f.mission().reference(f.now() + kStep).p_NB - Vector3(behind, 0, 0);
+      f.x().v_NB = f.mission().reference(f.now() + kStep).v_NB - Vector3(slower, 0, 0);
+      f.step();
+    }
+    return f.c.platform_speed_wish;
+  };
+  EXPECT_EQ(fall_behind(0.45, 0, 0.1), 1) << "a gap that a healthy link may have";
+  const double kept = fall_behind(0.45, 0, 0.15);
+  EXPECT_GT(kept, 0.3);
+  EXPECT_LT(kept, 0.6) << "half as fast as the pad";
+  EXPECT_LT(fall_behind(0.45, 0.1, 0.02), kept - 0.15) << "and behind its middle";
+  f.sight = false;
+  f.run(0.2);
+  const double unseen = f.c.platform_speed_wish;
+  EXPECT_GT(unseen, kept) << "as the autopilot is known to brake";
+  f.run(0.1);
+  EXPECT_LT(f.c.platform_speed_wish, unseen);
+}
+
 TEST(Mission, FromBeneathADroneThatIsHighItDrivesOn) {
   for (const double speed : {0.9, 2.0}) {
     for (const double wish : wishes_without_link(0.9, speed, 2.5)) EXPECT_EQ(wish, 1);
