@@ -25,6 +25,7 @@ Result<void> UgvControllerConfig::validate() const {
   constexpr double kLeast = 1e-6;
   return check_bounds(
       {{"acceleration_m_s2", acceleration_m_s2, kLeast, 100},
+       {"brake_m_s2", brake_m_s2, kLeast, 100},
        {"yaw_acceleration_rad_s2", yaw_acceleration_rad_s2, kLeast, 100},
        {"yaw_rate_max_rad_s", yaw_rate_max_rad_s, kLeast, 100},
        {"cross_track_gain", cross_track_gain, kLeast, 100},
@@ -84,7 +85,9 @@ UgvCommand UgvController::step(const UgvPose& pose, double speed_wish, Seconds d
   s_ = std::min(s_, corner_ - 1e-6);
   here = path_.at(s_);
 
-  command_.v = approach(command_.v, allowed_speed(std::max(0.0, speed_wish)), dv);
+  const double wish = std::max(0.0, speed_wish);
+  const double braked = std::max(wish, command_.v - config_.brake_m_s2 * dt);
+  command_.v = std::min(approach(command_.v, allowed_speed(wish), dv), braked);
   if (corner_ - s_ < kCornerReached) {
     turning_ = true;
     return command_;

@@ -8,6 +8,7 @@ namespace alight {
 /// Limits and gains of UgvController.
 struct UgvControllerConfig {
   double acceleration_m_s2 = 0.6;
+  double brake_m_s2 = 2.0;  ///< when wished to be slower; for bends as it accelerates
   double yaw_acceleration_rad_s2 = 3.0;
   double yaw_rate_max_rad_s = 1.5;
   double cross_track_gain = 4.0;  ///< 1/m^2: heading rate per m of offset, per m driven

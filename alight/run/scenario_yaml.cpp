@@ -25,6 +25,7 @@ void visit(Visitor& v, Scenario& s) {
     m.field("radius_m", s.platform.radius_m);
     m.field("side_m", s.platform.side_m);
     m.field("corner_radius_m", s.platform.corner_radius_m);
+    m.field("brake_m_s2", s.platform.brake_m_s2);
     m.field("yaw_rate_max_deg_s", s.platform.yaw_rate_max_deg_s);
     m.map("sea", [&](auto& sea) {
       sea.field("heave_m", s.platform.sea.heave_m);

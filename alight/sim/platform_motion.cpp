@@ -45,6 +45,7 @@ PathConfig path_config(const PlatformScenario& config) {
 
 UgvControllerConfig controller_config(const PlatformScenario& config) {
   UgvControllerConfig ugv;
+  ugv.brake_m_s2 = config.brake_m_s2;
   ugv.yaw_rate_max_rad_s = config.yaw_rate_max_deg_s * kDegree;
   return ugv;
 }

@@ -58,6 +58,7 @@ Result<void> Scenario::validate() const {
   check.range("platform.side_m", platform.side_m, 0.5, 1000);
   check.range("platform.corner_radius_m", platform.corner_radius_m, 0,
               platform.side_m / 2);
+  check.range("platform.brake_m_s2", platform.brake_m_s2, 0.1, 20);
   check.range("platform.yaw_rate_max_deg_s", platform.yaw_rate_max_deg_s, 1, 360);
   check.range("platform.sea.heave_m", platform.sea.heave_m, 0, 5);
   check.range("platform.sea.roll_deg", platform.sea.roll_deg, 0, 45);

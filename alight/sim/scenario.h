@@ -56,7 +56,8 @@ struct PlatformScenario {
   double speed_m_s = 0.9;
   double radius_m = 1.5;
   double side_m = 3;
-  double corner_radius_m = 0.5;    ///< 0: corners turned in place
+  double corner_radius_m = 0.5;  ///< 0: corners turned in place
+  double brake_m_s2 = 2;  ///< When it is wished to be slower; it speeds up at 0.6.
   double yaw_rate_max_deg_s = 60;  ///< The vehicle slows down for what asks for more.
   SeaScenario sea;                 ///< boat
   std::string file;                ///< recorded: where the drive stands (README.md),

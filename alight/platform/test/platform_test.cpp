@@ -50,6 +50,30 @@ TEST_P(EveryPath, IsFollowedWithinCentimetres) {
   }
   EXPECT_GT(way, 15);
 }
+
+TEST(UgvController, BrakesHarderThanItSpeedsUpAndNoFartherThanWished) {
+  const Path path({.kind = PathKind::straight});
+  const UgvControllerConfig config;
+  UgvController controller(config, path);
+  UgvPose pose;
+  const double dt = 0.01;
+  double v = 0;
+  const auto seconds_to = [&](double wish) {
+    for (int k = 1; k < 1000; ++k) {
+      const double before = v;
+      v = controller.step(pose, wish, dt).v;
+      pose.p_I.x() += v * dt;
+      EXPECT_LE(before - v, config.brake_m_s2 * dt + 1e-12);
+      EXPECT_GE(v, std::min(before, wish) - 1e-12);
+      if (std::abs(v - wish) < 1e-9) return k * dt;
+    }
+    return 1e9;
+  };
+  EXPECT_NEAR(seconds_to(0.9), 0.9 / config.acceleration_m_s2, 0.02);
+  EXPECT_NEAR(seconds_to(0.3), 0.6 / config.brake_m_s2, 0.02);
+  EXPECT_NEAR(seconds_to(0), 0.3 / config.brake_m_s2, 0.02);
+}
+
 INSTANTIATE_TEST_SUITE_P(Kinds, EveryPath,
                          testing::Values(PathConfig{.kind = PathKind::straight},
                                          PathConfig{.kind = PathKind::circle},

@@ -160,6 +160,23 @@ TEST(PlatformMotion, WhatItIsWishedInAMutinyItDoesAfterIt) {
   }
 }
 
+TEST(PlatformMotion, BrakesAsItsScenarioSaysWhenItIsWishedSlower) {
+  for (const double brake : {0.6, 1.0, 4.0}) {
+    PlatformScenario config = drive(PlatformKind::circle);
+    config.brake_m_s2 = brake;
+    PlatformMotion m(config, 0.26, true, Rng(1));
+    for (int i = 0; i < static_cast<int>(std::lround(4 / kDt)); ++i) m.step(kDt, {});
+    m.wish_speed(0);
+    double most = 0, before = m.state().v_IN_N.norm();
+    while (before > 1e-9) {
+      m.step(kDt, {});
+      most = std::max(most, (before - m.state().v_IN_N.norm()) / kDt);
+      before = m.state().v_IN_N.norm();
+    }
+    EXPECT_NEAR(most, brake, 1e-6);
+  }
+}
+
 TEST(PlatformMotion, WithoutAMutinyNothingChanges) {
   PlatformMotion a(drive(PlatformKind::block), 0.26, true, Rng(1)), b = a;
   for (int k = 0; k < 5000; ++k) {
