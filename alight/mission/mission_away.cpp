@@ -32,7 +32,7 @@ constexpr double kUnsure = 0.05;     // m, of where it comes down
 // m/s against its reference, of a drone that is not heard: one that strays so far may
 // be braking by itself. A platform that brakes for nothing does less harm than one that
 // drives on beneath it.
-constexpr double kObeysSurely = 0.1;
+constexpr double kObeysSurely = 0.16;
 constexpr Seconds kBeneathIn = 0.4;  // the pad is to be beneath it again, s
 // So long after its autopilot has acted alone, s, a drone is lost because of that.
 constexpr Seconds kAloneBefore = 1;
