@@ -12,9 +12,6 @@ namespace {
 // Around a block corners come more often than that: longer it does not ask for more
 // rest than at first.
 constexpr Seconds kPatientFor = 8;
-// m/s against its reference: more than gusts do, less than an autopilot that brakes
-// does within a tenth of a second or two.
-constexpr double kObeys = 0.25;
 // How long a refused drone that is armed all the same is told to disarm, s.
 constexpr Seconds kDisarmFor = 1;
 // m from the reference: something has thrown it off its way, and what is asked for from
@@ -223,7 +220,7 @@ bool Mission::overruled(const MissionInput& in, Output& out) {
   if (in.link->lost(in.now)) {
     // A landing that is seen to go on as told is safer than an autopilot left alone
     // over a platform that drives.
-    if (state != MissionState::land || !obeys(in, kObeys)) {
+    if (state != MissionState::land || !obeys(in)) {
       go(MissionState::lost_link, kUnheard, in, out);
       return true;
     }
@@ -320,7 +317,7 @@ bool Mission::watch_battery(const MissionInput& in, Output& out) {
 MissionCommand Mission::step(const MissionInput& in, Output& out) {
   assert(in.link != nullptr);
   MissionCommand c;
-  c.tilt_limit = status_.state == MissionState::land && obeys(in, kObeys)
+  c.tilt_limit = status_.state == MissionState::land && obeys(in)
                      ? tilt_max_
                      : in.link->tilt_limit(in.now, tilt_max_);
   // What the operator said stands until he says otherwise, whatever comes between.
@@ -400,8 +397,8 @@ MissionCommand Mission::step(const MissionInput& in, Output& out) {
   return c;
 }
 
-bool Mission::obeys(const MissionInput& in, double within) const {
-  return in_sight(in) && (in.x.v_NB - reference(in.now).v_NB).norm() < within;
+bool Mission::obeys(const MissionInput& in) const {
+  return in_sight(in) && (in.x.v_NB - reference(in.now).v_NB).norm() < kObeys;
 }
 
 bool Mission::keep_ordering(AutopilotOrder order, const MissionInput& in, Command& c) {

@@ -79,8 +79,8 @@ class Mission {
   /// Something to be told that changes no state: an event all the same.
   void note(const char* reason, const MissionInput& in, Output& out);
   bool settled(const MissionInput& in);
-  /// Seen to move as it is told, `within` m/s: set-points arrive.
-  bool obeys(const MissionInput& in, double within) const;
+  /// Seen to move as it is told: set-points arrive.
+  bool obeys(const MissionInput& in) const;
   /// Seen far from where it should be.
   bool strayed(const MissionInput& in) const;
   /// The platform is faster than the drone may fly, and stays so.
@@ -99,6 +99,8 @@ class Mission {
   /// flies.
   double platform_wish(const MissionInput& in);
   bool stopped_beneath(const MissionInput& in);
+  /// The drone is not seen to fly on with the platform, nor to stay up as it is told.
+  bool falls_behind(const MissionInput& in) const;
   /// The share of its speed at which the pad keeps beneath a drone that brakes.
   double stays_beneath(const MissionInput& in) const;
   double ramp_rate(const MissionInput& in) const;  // 1/s

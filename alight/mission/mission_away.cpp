@@ -29,10 +29,10 @@ constexpr double kDrives = 0.2, kStoppedShare = 0.3;
 constexpr Seconds kBrakesBeside = 1;
 constexpr double kRoomBeside = 0.1;  // m, from the pad's corner to a rotor
 constexpr double kUnsure = 0.05;     // m, of where it comes down
-// m/s against its reference, of a drone that is not heard: one that strays so far may
-// be braking by itself. A platform that brakes for nothing does less harm than one that
-// drives on beneath it.
-constexpr double kObeysSurely = 0.16;
+// m/s behind its reference along the platform's way, of a drone that is not heard: one
+// that falls behind so fast may be braking by itself. A platform that brakes for
+// nothing does less harm than one that drives on beneath it.
+constexpr double kFallsBehind = 0.16;
 constexpr Seconds kBeneathIn = 0.4;  // the pad is to be beneath it again, s
 // So long after its autopilot has acted alone, s, a drone is lost because of that.
 constexpr Seconds kAloneBefore = 1;
@@ -92,9 +92,8 @@ double Mission::platform_wish(const MissionInput& in) {
   // Unseen and light on its feet the wind brakes it, too.
   const bool light = state == MissionState::taken_off && !airborne_ && coming_down_;
   // Not heard but seen to do as it is told: only its words are lost.
-  const bool unheard =
-      !in.link->healthy(in.now) &&
-      (state == MissionState::lost_link || may_turn || !obeys(in, kObeysSurely));
+  const bool unheard = !in.link->healthy(in.now) && (state == MissionState::lost_link ||
+                                                     may_turn || falls_behind(in));
   const bool alone =
       light || (up && in.telemetry_heard && in.armed &&
                 (unheard || in.mode == AutopilotMode::failsafe ||
@@ -112,6 +111,18 @@ double Mission::platform_wish(const MissionInput& in) {
   if (!alone || brakes_in_ <= 0) return 1;
   const double as_it_brakes = std::exp(-to_seconds(in.now - alone_since_) / brakes_in_);
   return std::min(as_it_brakes, stays_beneath(in));
+}
+
+// A platform that brakes beneath it has it fall behind less fast: that is no sign that
+// it obeys. Nor do a gust from behind and a touch slow it down against the ground.
+bool Mission::falls_behind(const MissionInput& in) const {
+  if (!in_sight(in)) return true;
+  const Vector3 strays_N = in.x.v_NB - reference(in.now).v_NB;
+  if (strays_N.z() < -kObeys) return true;
+  const Vector2 v_IN_N = in.platform.v_IN_N.head<2>();
+  if (v_IN_N.norm() < kDrives) return false;
+  const double behind = -strays_N.head<2>().dot(v_IN_N.normalized());
+  return behind > (alone_ ? 0 : kFallsBehind);
 }
 
 // The platform does what the drone cannot: it keeps the pad beneath it.

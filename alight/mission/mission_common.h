@@ -9,6 +9,9 @@
 namespace alight {
 
 inline constexpr Seconds kOrderEvery = 0.1;
+// m/s against its reference: more than gusts do, less than an autopilot that brakes
+// does within a tenth of a second or two.
+inline constexpr double kObeys = 0.25;
 inline constexpr const char* kTooFast =
     "the platform is too fast for the drone's speed limit: no landing";
 inline constexpr const char* kOffItsWay =

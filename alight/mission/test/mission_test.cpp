@@ -1834,6 +1834,38 @@ TEST(Mission, BeneathASilentDroneThatFallsBehindThePlatformBrakes) {
   }
 }
 
+TEST(Mission, ASilentDroneThatAGustCarriesAlongStopsNoPlatform) {
+  for (const Vector3& gust : {Vector3(0.4, 0, 0), Vector3(0, 0.4, 0.1)}) {
+    Flight f;
+    ASSERT_TRUE(bring(f, State::land));
+    ASSERT_TRUE(f.until_below(0.3));
+    f.link_up = false;
+    for (int i = 0; i < 50; ++i) {
+      f.x().v_NB = f.mission().reference(f.now() + kStep).v_NB + gust;
+      f.step();
+    }
+    EXPECT_EQ(f.state(), State::land);
+    EXPECT_EQ(f.c.platform_speed_wish, 1);
+  }
+}
+
+// Once it brakes along with the drone that falls behind no more.
+TEST(Mission, APlatformThatBrakesBeneathASilentDroneGoesOnBraking) {
+  Flight f;
+  ASSERT_TRUE(bring(f, State::land));
+  ASSERT_TRUE(f.until_below(0.3));
+  f.link_up = false;
+  const double drove = f.platform_speed;
+  for (int i = 0; i < 45; ++i) {
+    const double slower = i < 25 ? 0.2 : 0.05;
+    if (i >= 25) f.platform_speed = drove - 0.15;
+    f.x().v_NB = f.mission().reference(f.now() + kStep).v_NB - Vector3(slower, 0, 0);
+    f.step();
+  }
+  EXPECT_EQ(f.state(), State::land);
+  EXPECT_LT(f.c.platform_speed_wish, 0.85);
+}
+
 TEST(Mission, ThePadIsKeptBeneathASilentDroneThatBrakesHarder) {
   Flight f;
   ASSERT_TRUE(bring(f, State::land));

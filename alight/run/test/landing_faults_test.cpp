@@ -310,25 +310,28 @@ TEST(LandingFaults, WhatIsAskedForAsTheLinkComesBackIsNoWind) {
   }
 }
 
-// Nothing gets to a drone any more that its motors just lift off a pad on the way:
-// nobody can help it. Where the radio is back in time somebody could have.
+// Nothing gets to a drone any more whose pad stops beneath it: it flies on into what
+// stands ahead, and nobody can help it. Where the radio is back in time somebody could.
 TEST(LandingFaults, WhoCouldStillAbortIsNotHelpless) {
-  const auto lost = [](double for_s) {
-    LandingRunOptions options = test::options_of("circle", 1);
-    options.scenario.faults = {
-        {.kind = FaultKind::uplink_out, .at_s = 1.5, .for_s = for_s}};
-    const auto result = run_landing(options);
-    EXPECT_TRUE(result);
-    return *result;
-  };
-  const LandingResult good = lost(1000);
-  ASSERT_TRUE(good.lost_link);
-  EXPECT_EQ(good.outcome, Outcome::crashed);
-  EXPECT_TRUE(good.lost_link->helpless);
-  EXPECT_NE(good.reason.find("no abort was possible"), std::string::npos);
-  const LandingResult brief = lost(0.5);
-  EXPECT_TRUE(brief.outcome != Outcome::crashed || !brief.lost_link->helpless)
-      << brief.reason;
+  for (const unsigned seed : {1u, 2u, 3u}) {
+    SCOPED_TRACE(seed);
+    const auto lost = [&](double for_s) {
+      LandingRunOptions options = test::options_of("circle", seed);
+      options.scenario.faults = {
+          {.kind = FaultKind::uplink_out, .at_s = 9.4, .for_s = for_s},
+          {.kind = FaultKind::pad_stop, .at_s = 9.4, .for_s = 1000}};
+      const auto result = run_landing(options);
+      EXPECT_TRUE(result);
+      return *result;
+    };
+    const LandingResult good = lost(1000);
+    ASSERT_TRUE(good.lost_link);
+    EXPECT_EQ(good.outcome, Outcome::crashed);
+    EXPECT_TRUE(good.lost_link->helpless);
+    EXPECT_NE(good.reason.find("no abort was possible"), std::string::npos);
+    const LandingResult brief = lost(0.3);
+    EXPECT_FALSE(brief.lost_link && brief.lost_link->helpless) << brief.reason;
+  }
 }
 
 }  // namespace
