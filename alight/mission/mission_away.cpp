@@ -148,8 +148,8 @@ bool Mission::stopped_beneath(const MissionInput& in) {
   }
   const double speed = landing_v_IN_N_.norm();
   stays_for_touch_ =
-      stays_for_touch_ ||
-      (speed > kDrives && v.dot(landing_v_IN_N_) < kStoppedShare * speed * speed);
+      stays_for_touch_ || (in.platform_ready && speed > kDrives &&
+                           v.dot(landing_v_IN_N_) < kStoppedShare * speed * speed);
   return stays_for_touch_;
 }
 

@@ -16,7 +16,8 @@ constexpr double kImuAhead = 0.4;
 constexpr double kJumpPosition = 0.15;  ///< m; more than any motion between two events.
 constexpr double kJumpAngle = 0.15;     ///< rad
 constexpr double kFadeAcceleration =
-    0.3;  ///< s; a change of speed is not kept up longer.
+    0.3;                            ///< s; a change of speed is not kept up longer.
+constexpr double kFadeUnknown = 2;  ///< s, as motion does that was told too long ago.
 
 double gain(double dt, double tau) { return 1 - std::exp(-dt / tau); }
 
@@ -165,13 +166,15 @@ PlatformState PlatformTracker::at(Time t) const {
 }
 
 PlatformState PlatformTracker::predicted(const Fused& from, Time t) const {
-  const double wanted = to_seconds(t - from.t);
-  const double dt = std::clamp(wanted, -config_.predict_max_s, config_.predict_max_s);
+  const double span = std::abs(to_seconds(t - from.t));
+  const double sign = t < from.t ? -1 : 1;
+  // Nothing jumps as odometry ends: what drove on is likely to, for a while.
+  const double beyond = std::max(span - config_.predict_max_s, 0.0);
+  const double drives = std::exp(-beyond / kFadeUnknown);
+  const double dt = sign * (span - beyond + kFadeUnknown * (1 - drives));
   // A change of speed fades: v(dt) = v + dv tau (1 - exp(-dt / tau)), and its mean.
   const double tau = kFadeAcceleration;
-  const double span = std::abs(dt);
   const double faded = tau * (1 - std::exp(-span / tau));
-  const double sign = dt < 0 ? -1 : 1;
   const double mean = span > 1e-9 ? tau * (1 - faded / span) : 0;
 
   PlatformState state;
@@ -180,14 +183,9 @@ PlatformState PlatformTracker::predicted(const Fused& from, Time t) const {
   state.w_IN_N = from.w_N + sign * mean * from.dw_N;
   state = predict(state, dt);
   state.t = t;
-  if (dt != wanted) {
-    state.v_IN_N.setZero();
-    state.w_IN_N.setZero();
-    return state;
-  }
   const double left = std::exp(-span / tau);
-  state.v_IN_N = from.v_N + sign * faded * from.dv_N;
-  state.w_IN_N = from.w_N + sign * faded * from.dw_N;
+  state.v_IN_N = drives * (from.v_N + sign * faded * from.dv_N);
+  state.w_IN_N = drives * (from.w_N + sign * faded * from.dw_N);
   state.alpha_IN_N = left * from.dw_N;
   // Derivative of v in I: of its components in N, and of N itself.
   state.a_IN_N = left * from.dv_N + state.w_IN_N.cross(state.v_IN_N);

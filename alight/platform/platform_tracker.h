@@ -17,7 +17,7 @@ struct PlatformTrackerConfig {
                                      ///< acceleration by it.
   double stale_after_s = 0.3;        ///< Older odometry is not to be acted on.
   bool carry_forward = true;         ///< False: the last odometry is taken for now.
-  double predict_max_s = 0.5;        ///< Beyond this the prediction stands still.
+  double predict_max_s = 2;          ///< Beyond this what is predicted comes to rest.
   double gap_max_s = 0.2;            ///< A longer gap starts the derivatives anew.
 
   Result<void> validate() const;

@@ -219,7 +219,38 @@ TEST(PlatformTracker, RefusesWhatIsOldOrBroken) {
   EXPECT_FALSE(tracker.stale(from_seconds(1.2)));
   EXPECT_TRUE(tracker.stale(from_seconds(1.4)));
   EXPECT_DOUBLE_EQ(tracker.age(from_seconds(1.25)), 0.25);
-  EXPECT_EQ(tracker.at(from_seconds(9)).v_IN_N.norm(), 0);
+}
+
+// Vehicles drive on without odometry, but nobody knows for how long.
+TEST(PlatformTracker, WhatDroveOnIsTakenToDriveOnForAWhile) {
+  PlatformTracker tracker;
+  PlatformOdometry odometry;
+  odometry.v_IN_N.x() = 0.9;
+  odometry.w_IN_N.z() = 0.6;
+  for (int i = 0; i <= 50; ++i) {
+    odometry.captured = from_seconds(0.02 * i);
+    const double yaw = 0.6 * 0.02 * i, r = 1.5;
+    odometry.X_IN = make_pose(from_rpy(0, 0, yaw),
+                              Vector3(r * std::sin(yaw), r * (1 - std::cos(yaw)), 0));
+    ASSERT_TRUE(tracker.add(odometry));
+  }
+  const PlatformState soon = tracker.at(from_seconds(1 + 1.9));
+  EXPECT_NEAR(soon.v_IN_N.x(), 0.9, 1e-3);
+  EXPECT_NEAR(soon.w_IN_N.z(), 0.6, 1e-3);
+  const double yaw = 0.6 * 2.9;
+  EXPECT_NEAR(soon.X_IN.translation().x(), 1.5 * std::sin(yaw), 0.02);
+  EXPECT_NEAR(soon.X_IN.translation().y(), 1.5 * (1 - std::cos(yaw)), 0.02);
+  // Without a jump it comes to rest.
+  PlatformState before = soon;
+  for (Seconds t = 2.9; t < 20; t += 0.01) {
+    const PlatformState now = tracker.at(from_seconds(t));
+    EXPECT_LE(now.v_IN_N.x(), before.v_IN_N.x() + 1e-9);
+    EXPECT_LT((now.v_IN_N - before.v_IN_N).norm(), 0.01);
+    EXPECT_LT((now.X_IN.translation() - before.X_IN.translation()).norm(), 0.0095);
+    before = now;
+  }
+  EXPECT_LT(before.v_IN_N.norm(), 1e-3);
+  EXPECT_LT(before.w_IN_N.norm(), 1e-3);
 }
 
 TEST(PlatformTracker, NamesABadSetting) {
