@@ -99,6 +99,8 @@ class Mission {
   /// flies.
   double platform_wish(const MissionInput& in);
   bool stopped_beneath(const MissionInput& in);
+  /// Where it is the platform's turn moves it much more than at the follow point.
+  bool swept(const MissionInput& in) const;
   /// The drone is not seen to fly on with the platform, nor to stay up as it is told.
   bool falls_behind(const MissionInput& in) const;
   /// The share of its speed at which the pad keeps beneath a drone that brakes.

@@ -36,6 +36,9 @@ constexpr double kFallsBehind = 0.16;
 constexpr Seconds kBeneathIn = 0.4;  // the pad is to be beneath it again, s
 // So long after its autopilot has acted alone, s, a drone is lost because of that.
 constexpr Seconds kAloneBefore = 1;
+// m/s^2, by which a platform's turn moves a place at rest to it more than the follow
+// point; a circle of 0.9 m/s, 1.5 m in radius, by 0.6 at 1.7 m from that.
+constexpr double kSweptMost = 1;
 // Unseen for so long, s, the drone may be elsewhere than predicted.
 constexpr Seconds kStillKnown = 1;
 // What a tenth of thrust that is not known does to a prediction: 0.5 m in the second
@@ -105,6 +108,11 @@ double Mission::platform_wish(const MissionInput& in) {
                  : stays_beside(in)      ? kBrakesBeside
                                          : 0;
   }
+  // A gust blows it back towards the platform after all.
+  const bool comes_near = brakes_in_ == kBrakesBeside && in_sight(in) &&
+                          outline_.clear(in.x.p_NB) &&
+                          nearest_beside(in) < reach_ + kRoomBeside;
+  if (alone && comes_near) brakes_in_ = 0;
   alone_ = alone;
   if ((config_.start_on_floor && on_its_way) || waits_for_it_) return 0;
   if (stopped_beneath(in)) return 0;
@@ -365,6 +373,15 @@ void Mission::aborted(const MissionInput& in, Command& c, Output& out) {
   }
 }
 
+// What a turn asks for far out is large, and its change known late: taken for a push,
+// it has a drone that is given back there lean away, blind soon after.
+bool Mission::swept(const MissionInput& in) const {
+  const auto at_rest = [&](const Vector3& p_NB) {
+    return inertial_acceleration_N(in.platform, p_NB, Vector3::Zero(), Vector3::Zero());
+  };
+  return horizontal(at_rest(in.x.p_NB) - at_rest(config_.follow_point)) > kSweptMost;
+}
+
 // Set-points go on, so that the autopilot may be switched back to them; they ask for
 // nothing but to fly on as the drone does. Nothing is ordered.
 void Mission::pilot(const MissionInput& in, Command& c, Output& out) {
@@ -379,7 +396,12 @@ void Mission::pilot(const MissionInput& in, Command& c, Output& out) {
   }
   const bool fresh = in_sight(in);
   if (in.mode == AutopilotMode::offboard) {
-    if (fresh) {
+    if (fresh && swept(in)) {
+      go(MissionState::aborted,
+         "the pilot has given it back far from a platform that turns: the autopilot "
+         "lands",
+         in, out);
+    } else if (fresh) {
       go(MissionState::go_around, "the pilot has given it back", in, out);
     } else if (in.estimate_valid && unseen(in) < kStillKnown) {
       go(MissionState::lost_target, "the pilot has given it back out of sight", in,
@@ -402,7 +424,9 @@ void Mission::pilot(const MissionInput& in, Command& c, Output& out) {
          in, out);
   }
   if (!in.estimate_valid) return;
-  maneuver_ = Maneuver::coast(as_it_flies(in.x), in.now);
+  FlatState on = as_it_flies(in.x);
+  on.a_NB = relative_acceleration(in.platform, on.p_NB, on.v_NB, Vector3::Zero());
+  maneuver_ = Maneuver::coast(on, in.now);
   c.mode = Command::Mode::track;
 }
 

@@ -38,6 +38,7 @@ class Flight {
   Time planner_delay = 2 * kStep;
   double battery = 1;
   double platform_speed = 0.9;  ///< m/s
+  double platform_turn = 0;     ///< rad/s
   double platform_slip = 0;     ///< to the left, by an odometry that drifts, m/s
   Blindness blindness = Blindness::leds;
   bool computer_was_late = false;
@@ -108,6 +109,7 @@ class Flight {
     in.picture_repeats = picture_repeats;
     in.miss_sd_m = miss_sd_m;
     in.platform.v_IN_N = Vector3(platform_speed, platform_slip, 0);
+    in.platform.w_IN_N.z() = platform_turn;
     in.push_N = push_N;
     in.stands_on_floor = stands_on_floor;
     in.deck_swing = deck_swing;
@@ -1197,6 +1199,25 @@ TEST(Mission, FarOffItsWayTheReferenceComesToTheDrone) {
 
 // The platform neither stops beneath a drone that lands by itself nor runs into it
 // later.
+// Blown back towards it, it is left after all.
+TEST(Mission, APlatformThatWaitsBesideADroneDrivesOnFromOneThatIsBlownNear) {
+  for (const bool blown : {false, true}) {
+    Flight f;
+    ASSERT_TRUE(bring(f, State::follow));
+    f.wish = OperatorWish::abort;
+    while (f.orders_land == 0) f.step();
+    f.mode = AutopilotMode::land;
+    f.run(0.5);
+    ASSERT_EQ(f.state(), State::aborted);
+    ASSERT_LT(f.c.platform_speed_wish, 1);
+    for (int i = 0; i < 30; ++i) {
+      if (blown) f.x().v_NB = Vector3(1, 0, 0);
+      f.step();
+    }
+    EXPECT_EQ(f.c.platform_speed_wish == 1, blown);
+  }
+}
+
 TEST(Mission, ThePlatformWaitsForADroneThatLandsBesideIt) {
   Flight f;
   ASSERT_TRUE(bring(f, State::follow));
@@ -2304,6 +2325,24 @@ TEST(Mission, ThePilotsSwitchWinsInEveryStateAndNothingIsOrdered) {
       f.run(0.1);
       EXPECT_EQ(f.state(), State::aborted) << "what the operator said stands";
     }
+  }
+}
+
+// There what a turn of the platform asks for is no way to begin with.
+TEST(Mission, GivenBackFarFromAPlatformThatTurnsItIsLeftToItsAutopilot) {
+  for (const double turn : {0.0, 0.6, 1.2}) {
+    SCOPED_TRACE(turn);
+    Flight f;
+    ASSERT_TRUE(bring(f, State::follow));
+    f.platform_turn = turn;
+    f.mode = AutopilotMode::hold;
+    f.run(1);
+    f.x().p_NB += Vector3(-0.9, 1.5, 0);
+    f.x().v_NB = Vector3(0.4, 0.3, 0);
+    f.run(0.1);
+    f.mode = AutopilotMode::offboard;
+    f.run(0.1);
+    EXPECT_EQ(f.state(), turn < 1 ? State::go_around : State::aborted) << f.reason();
   }
 }
 
