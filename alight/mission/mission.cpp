@@ -12,6 +12,9 @@ namespace {
 // Around a block corners come more often than that: longer it does not ask for more
 // rest than at first.
 constexpr Seconds kPatientFor = 8;
+// s. Nothing heard of it and seen to stray for so long, set-points do not arrive; a
+// gust, or a pad that stops, is over by then.
+constexpr Seconds kDisobeys = 1.0;
 // How long a refused drone that is armed all the same is told to disarm, s.
 constexpr Seconds kDisarmFor = 1;
 // m from the reference: something has thrown it off its way, and what is asked for from
@@ -220,7 +223,8 @@ bool Mission::overruled(const MissionInput& in, Output& out) {
   if (in.link->lost(in.now)) {
     // A landing that is seen to go on as told is safer than an autopilot left alone
     // over a platform that drives.
-    if (state != MissionState::land || !obeys(in)) {
+    const Seconds strays = to_seconds(in.now - obeys_till_);
+    if (state != MissionState::land || strays > kDisobeys) {
       go(MissionState::lost_link, kUnheard, in, out);
       return true;
     }
@@ -331,6 +335,7 @@ MissionCommand Mission::step(const MissionInput& in, Output& out) {
     maneuver_ = next_;
     has_next_ = false;
   }
+  if (obeys(in)) obeys_till_ = in.now;
   obeyed_ = in.armed && (obeyed_ || in.mode == AutopilotMode::offboard);
   if (in.armed && in.mode == AutopilotMode::offboard && in.link->healthy(in.now)) {
     obeyed_till_ = in.now;

@@ -1870,6 +1870,28 @@ TEST(Mission, ASilentDroneThatAGustCarriesAlongStopsNoPlatform) {
   }
 }
 
+// Only its words are lost: what throws it off its way for a moment does not have it
+// left to its autopilot, over a pad that drives.
+TEST(Mission, AGustIsNoReasonToLeaveALandingThatIsNotHeard) {
+  for (const bool comes_back : {true, false}) {
+    SCOPED_TRACE(comes_back);
+    Flight f;
+    ASSERT_TRUE(bring(f, State::land));
+    ASSERT_TRUE(f.until_below(0.35));
+    f.link_up = false;
+    f.run(0.9);
+    ASSERT_EQ(f.state(), State::land);
+    for (int i = 0; i < 150 && f.state() == State::land; ++i) {
+      const bool strays = !comes_back || i % 75 < 60;
+      const Vector3 off = strays ? Vector3(0.3, 0, 0) : Vector3::Zero();
+      f.x().p_NB = f.mission().reference(f.now() + kStep).p_NB;
+      f.x().v_NB = f.mission().reference(f.now() + kStep).v_NB + off;
+      f.step();
+    }
+    EXPECT_EQ(f.state() == State::lost_link, !comes_back) << f.reason();
+  }
+}
+
 // Once it brakes along with the drone that falls behind no more.
 TEST(Mission, APlatformThatBrakesBeneathASilentDroneGoesOnBraking) {
   Flight f;
