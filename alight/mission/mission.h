@@ -229,7 +229,7 @@ class Mission {
   Time vague_since_ = 0;
   bool fast_ = false;
   Time fast_since_ = 0;
-  Time obeys_till_ = 0;
+  Time obeys_till_ = 0;           // seen to move as it is told
   bool awaits_odometry_ = false;  // hold: ends when there is odometry again
   bool committed_ = false;
   bool abort_told_ = false;

@@ -122,7 +122,7 @@ double Mission::platform_wish(const MissionInput& in) {
 }
 
 // A platform that brakes beneath it has it fall behind less fast: that is no sign that
-// it obeys. Nor do a gust from behind and a touch slow it down against the ground.
+// it obeys. And a gust from behind is none that it brakes.
 bool Mission::falls_behind(const MissionInput& in) const {
   if (!in_sight(in)) return true;
   const Vector3 strays_N = in.x.v_NB - reference(in.now).v_NB;
@@ -146,7 +146,8 @@ double Mission::stays_beneath(const MissionInput& in) const {
 
 // What stopped a platform may let it go again just as the feet touch: 3 m/s^2 throw a
 // drone over that has no weight on them yet. It is asked to stay until that is done.
-// Odometry that drifts sideways does not hide that it no longer drives the way it did.
+// Odometry that drifts sideways does not hide that it no longer drives the way it did,
+// and odometry that ends does not tell so.
 bool Mission::stopped_beneath(const MissionInput& in) {
   const MissionState state = status_.state;
   const Vector2 v = in.platform.v_IN_N.head<2>();
