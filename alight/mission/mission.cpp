@@ -14,7 +14,7 @@ namespace {
 constexpr Seconds kPatientFor = 8;
 // s. Nothing heard of it and seen to stray for so long, set-points do not arrive; a
 // gust, or a pad that stops, is over by then.
-constexpr Seconds kDisobeys = 1.0;
+constexpr Seconds kDisobeys = 1;
 // How long a refused drone that is armed all the same is told to disarm, s.
 constexpr Seconds kDisarmFor = 1;
 // m from the reference: something has thrown it off its way, and what is asked for from
@@ -223,7 +223,7 @@ bool Mission::overruled(const MissionInput& in, Output& out) {
   if (in.link->lost(in.now)) {
     // A landing that is seen to go on as told is safer than an autopilot left alone
     // over a platform that drives.
-    const Seconds strays = to_seconds(in.now - obeys_till_);
+    const Seconds strays = to_seconds(in.now - as_told_till_);
     if (state != MissionState::land || strays > kDisobeys) {
       go(MissionState::lost_link, kUnheard, in, out);
       return true;
@@ -321,7 +321,9 @@ bool Mission::watch_battery(const MissionInput& in, Output& out) {
 MissionCommand Mission::step(const MissionInput& in, Output& out) {
   assert(in.link != nullptr);
   MissionCommand c;
-  c.tilt_limit = status_.state == MissionState::land && obeys(in)
+  const bool as_told = obeys(in);
+  if (as_told) as_told_till_ = in.now;
+  c.tilt_limit = status_.state == MissionState::land && as_told
                      ? tilt_max_
                      : in.link->tilt_limit(in.now, tilt_max_);
   // What the operator said stands until he says otherwise, whatever comes between.
@@ -335,7 +337,6 @@ MissionCommand Mission::step(const MissionInput& in, Output& out) {
     maneuver_ = next_;
     has_next_ = false;
   }
-  if (obeys(in)) obeys_till_ = in.now;
   obeyed_ = in.armed && (obeyed_ || in.mode == AutopilotMode::offboard);
   if (in.armed && in.mode == AutopilotMode::offboard && in.link->healthy(in.now)) {
     obeyed_till_ = in.now;

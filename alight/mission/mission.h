@@ -81,6 +81,8 @@ class Mission {
   bool settled(const MissionInput& in);
   /// Seen to move as it is told: set-points arrive.
   bool obeys(const MissionInput& in) const;
+  /// Where it is the platform's turn moves it much more than at the follow point.
+  bool swept(const MissionInput& in) const;
   /// Seen far from where it should be.
   bool strayed(const MissionInput& in) const;
   /// The platform is faster than the drone may fly, and stays so.
@@ -99,8 +101,6 @@ class Mission {
   /// flies.
   double platform_wish(const MissionInput& in);
   bool stopped_beneath(const MissionInput& in);
-  /// Where it is the platform's turn moves it much more than at the follow point.
-  bool swept(const MissionInput& in) const;
   /// The drone is not seen to fly on with the platform, nor to stay up as it is told.
   bool falls_behind(const MissionInput& in) const;
   /// The share of its speed at which the pad keeps beneath a drone that brakes.
@@ -113,6 +113,8 @@ class Mission {
   void keep_off_ground(const MissionInput& in, Command& c) const;
   /// Aborted in sight and clear of the platform, which stays to see it to the floor.
   bool stays_beside(const MissionInput& in) const;
+  bool seen_clear(const MissionInput& in) const;
+  bool comes_near(const MissionInput& in) const;
   /// How near the pad's middle, level, the drone comes on its way to the floor if the
   /// platform stays beside it, m.
   double nearest_beside(const MissionInput& in) const;
@@ -183,6 +185,7 @@ class Mission {
 
   bool obeyed_ = false;    // the autopilot has followed set-points since it was armed,
   Time obeyed_till_ = 0;   // for all that is known until then
+  Time as_told_till_ = 0;  // seen to move as it is told
   bool failsafe_ = false;  // the autopilot's, for want of set-points
   Time failsafe_since_ = 0, failsafe_till_ = 0;
   const char* reason_before_ = "";         // it began
@@ -229,7 +232,6 @@ class Mission {
   Time vague_since_ = 0;
   bool fast_ = false;
   Time fast_since_ = 0;
-  Time obeys_till_ = 0;           // seen to move as it is told
   bool awaits_odometry_ = false;  // hold: ends when there is odometry again
   bool committed_ = false;
   bool abort_told_ = false;

@@ -107,12 +107,9 @@ double Mission::platform_wish(const MissionInput& in) {
     brakes_in_ = light || would_meet(in) ? kBrakes
                  : stays_beside(in)      ? kBrakesBeside
                                          : 0;
+  } else if (alone && brakes_in_ == kBrakesBeside && seen_clear(in) && comes_near(in)) {
+    brakes_in_ = 0;  // A gust blows it back towards the platform after all.
   }
-  // A gust blows it back towards the platform after all.
-  const bool comes_near = brakes_in_ == kBrakesBeside && in_sight(in) &&
-                          outline_.clear(in.x.p_NB) &&
-                          nearest_beside(in) < reach_ + kRoomBeside;
-  if (alone && comes_near) brakes_in_ = 0;
   alone_ = alone;
   if ((config_.start_on_floor && on_its_way) || waits_for_it_) return 0;
   if (stopped_beneath(in)) return 0;
@@ -165,10 +162,15 @@ bool Mission::stopped_beneath(const MissionInput& in) {
 // Until it is on the floor the autopilot knows its place and speed only while it is
 // seen: blind it leans against a drift that it has made up, and tips over.
 bool Mission::stays_beside(const MissionInput& in) const {
-  const Vector3& p = in.x.p_NB;
-  const double room = reach_ + kRoomBeside;
-  return status_.state == MissionState::aborted && in_sight(in) && outline_.clear(p) &&
-         horizontal(p) > room && nearest_beside(in) > room;
+  return status_.state == MissionState::aborted && seen_clear(in) && !comes_near(in);
+}
+
+bool Mission::seen_clear(const MissionInput& in) const {
+  return in_sight(in) && outline_.clear(in.x.p_NB);
+}
+
+bool Mission::comes_near(const MissionInput& in) const {
+  return nearest_beside(in) <= reach_ + kRoomBeside;
 }
 
 // Its autopilot brakes over the ground and then gives way to the wind, which it has to

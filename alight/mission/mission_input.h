@@ -54,8 +54,8 @@ struct MissionInput {
 /// How long ago the drone was seen.
 inline Seconds unseen(const MissionInput& in) { return to_seconds(in.now - in.seen); }
 
-inline bool in_sight(const MissionInput& in) {
-  return in.estimate_valid && unseen(in) < kFreshSight;
+inline bool in_sight(const MissionInput& in, Seconds within = kFreshSight) {
+  return in.estimate_valid && unseen(in) < within;
 }
 
 }  // namespace alight

@@ -361,8 +361,8 @@ void Mission::land(const MissionInput& in, Command& c, Output& out) {
   const Seconds ahead = room ? touch_down_.touches_within(in) : 0;
   const Vector3 soon = in.x.p_NB + ahead * in.x.v_NB;
   const double half = pad_half_ - (room ? touch_down_.foot_spread() + kEdgeOff : 0);
-  const bool seen = in.estimate_valid && unseen(in) < config_.sight_lost_s;
-  if (seen && soon.head<2>().cwiseAbs().maxCoeff() > half) {
+  if (in_sight(in, config_.sight_lost_s) &&
+      soon.head<2>().cwiseAbs().maxCoeff() > half) {
     go(MissionState::go_around, "the pad is not beneath it", in, out);
   } else if (maneuver_.past_end(in.now) > config_.landing_overtime_s) {
     go(MissionState::go_around, "no touch-down where the pad should be", in, out);

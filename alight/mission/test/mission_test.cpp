@@ -1197,8 +1197,6 @@ TEST(Mission, FarOffItsWayTheReferenceComesToTheDrone) {
   }
 }
 
-// The platform neither stops beneath a drone that lands by itself nor runs into it
-// later.
 // Blown back towards it, it is left after all.
 TEST(Mission, APlatformThatWaitsBesideADroneDrivesOnFromOneThatIsBlownNear) {
   for (const bool blown : {false, true}) {
@@ -1218,6 +1216,8 @@ TEST(Mission, APlatformThatWaitsBesideADroneDrivesOnFromOneThatIsBlownNear) {
   }
 }
 
+// The platform neither stops beneath a drone that lands by itself nor runs into it
+// later.
 TEST(Mission, ThePlatformWaitsForADroneThatLandsBesideIt) {
   Flight f;
   ASSERT_TRUE(bring(f, State::follow));
