@@ -108,6 +108,10 @@ class Mission {
   double ramp_rate(const MissionInput& in) const;  // 1/s
   bool stood(const MissionInput& in);
   bool lifts_off(const MissionInput& in) const;
+  bool hardly_off(const MissionInput& in) const;
+  void come_down(bool for_the_link, const MissionInput& in);
+  void lift(bool carried, double flown, const MissionInput& in, Command& c,
+            Output& out);
   bool leaves_ground(const MissionInput& in) const;
   void leave_ground(const MissionInput& in, Command& c) const;
   void keep_off_ground(const MissionInput& in, Command& c) const;

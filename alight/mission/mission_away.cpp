@@ -114,7 +114,9 @@ double Mission::platform_wish(const MissionInput& in) {
   if ((config_.start_on_floor && on_its_way) || waits_for_it_) return 0;
   if (stopped_beneath(in)) return 0;
   if (!alone || brakes_in_ <= 0) return 1;
-  const double as_it_brakes = std::exp(-to_seconds(in.now - alone_since_) / brakes_in_);
+  const double since = to_seconds(in.now - alone_since_) / brakes_in_;
+  // On its feet it is soon to stand: a landing mode that is carried along leans.
+  const double as_it_brakes = airborne_ ? std::exp(-since) : std::max(0.0, 1 - since);
   return std::min(as_it_brakes, stays_beneath(in));
 }
 

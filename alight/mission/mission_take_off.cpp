@@ -13,6 +13,7 @@ namespace {
 // heavier not too hard; and how long it takes from 3 cm and 0.3 m/s upwards, s.
 constexpr double kComingDown = 0.6;
 constexpr Seconds kComingDownFor = 0.45;
+constexpr double kHardlyRises = 0.2;
 // Likewise: with no more than this it has not left the ground yet.
 constexpr double kStillStands = 0.85;
 // What its autopilot has done by itself within this time, s, has not lifted it off.
@@ -63,6 +64,10 @@ void Mission::idle(const MissionInput& in, Command& c, Output& out) {
     missing = kUnhealthy;
   } else if (!in.telemetry_heard) {
     missing = "the autopilot sends no telemetry";
+  } else if (in.armed && starts_ > 0) {
+    missing = "the autopilot does not stop its motors";
+    const bool stands = in_sight(in) && stood(in);
+    if (stands && !pilot_flies(in)) keep_ordering(AutopilotOrder::disarm, in, c);
   } else if (!in.platform_ready) {
     missing = "there is no platform odometry";
   } else if (!config_.start_on_floor &&
@@ -130,6 +135,10 @@ void Mission::armed(const MissionInput& in, Command& c, Output& out) {
 
 void Mission::taken_off(const MissionInput& in, Command& c, Output& out) {
   const bool fresh = in_sight(in);
+  if (airborne_ && hardly_off(in) && unseen(in) > unseen_lifting_) {
+    airborne_ = false;  // It has shown what thrust makes of it in no picture yet.
+    come_down(false, in);
+  }
   if (airborne_) {
     if (overruled(in, out)) return;
     c.mode = Command::Mode::track;
@@ -169,6 +178,13 @@ void Mission::taken_off(const MissionInput& in, Command& c, Output& out) {
       go(MissionState::idle, reason, in, out);
       return;
     }
+    // In its sight, and heard again, it only waits for set-points.
+    if (in.computer_was_late && in.mode == AutopilotMode::failsafe && fresh &&
+        in.link->healthy(in.now)) {
+      c.ramp_share = std::min(ramp_most_, share);
+      lift(false, 0, in, c, out);
+      return;
+    }
     airborne_ = true;  // for all that is known
     go(MissionState::lost_link, reason, in, out);
     return;
@@ -184,9 +200,7 @@ void Mission::taken_off(const MissionInput& in, Command& c, Output& out) {
       unseen(in) > unseen_lifting_ || (in.picture_repeats && c.ramp_share > kMovesIt);
   const bool unheard = !in.link->healthy(in.now);
   if (!config_.start_on_floor && !coming_down_ && (stale || unheard)) {
-    coming_down_ = true;
-    for_the_link_ = !stale;
-    coming_down_since_ = in.now;
+    come_down(!stale, in);
   }
   if (coming_down_) c.ramp_share = std::min(c.ramp_share, kComingDown);
   ramp_most_ = std::max(ramp_most_, c.ramp_share);
@@ -232,13 +246,17 @@ void Mission::taken_off(const MissionInput& in, Command& c, Output& out) {
   const bool lifted =
       fresh && !coming_down_ && (config_.start_on_floor || rose || slipped);
   if (!lifted) return;
+  lift(rose, std::max(rise - kStandNoise, 0.0), in, c, out);
+}
+
+void Mission::lift(bool carried, double flown, const MissionInput& in, Command& c,
+                   Output& out) {
   airborne_ = true;
   lifted_at_ = in.now;
   share_lifted_ = c.ramp_share;
   c.lifted = true;
-  c.carried = rose;
+  c.carried = carried;
   // Thrust grows evenly, so the rise goes with the third power of time.
-  const double flown = std::max(rise - kStandNoise, 0.0);
   c.lifted_since =
       config_.start_on_floor ? 0 : std::cbrt(6 * flown / (ramp_rate(in) * kGravity));
   c.mode = Command::Mode::track;
@@ -263,9 +281,21 @@ double Mission::ramp_rate(const MissionInput& in) const {
   return config_.ramp_rate * std::min(1.0, kRampActsIn / std::max(in.acts_in, 1e-3));
 }
 
+void Mission::come_down(bool for_the_link, const MissionInput& in) {
+  coming_down_ = true;
+  for_the_link_ = for_the_link;
+  coming_down_since_ = in.now;
+}
+
 bool Mission::lifts_off(const MissionInput& in) const {
   return status_.state == MissionState::taken_off && airborne_ &&
          !config_.start_on_floor && to_seconds(in.now - lifted_at_) <= kLeavesIn;
+}
+
+// No higher and no faster than what kComingDown brings down softly.
+bool Mission::hardly_off(const MissionInput& in) const {
+  return lifts_off(in) && in.z_acted - p_rest_.z() <= kLeft &&
+         in.x.v_NB.z() <= kHardlyRises;
 }
 
 // What thrust makes of it is known once it is seen: a drone heavier than the rig says
@@ -275,8 +305,9 @@ bool Mission::leaves_ground(const MissionInput& in) const {
   const double leans =
       angle_between(Vector3(in.x.R_NB.col(2)), Vector3(R_rest_.col(2)));
   const double least = p_rest_.z() + arm_ * std::sin(leans);
-  return lifts_off(in) &&
-         (in.z_acted - least <= kLeft || in.x_seen.p_NB.z() - least <= kLeftSeen);
+  const bool stale = unseen(in) > unseen_lifting_;
+  return lifts_off(in) && (in.z_acted - least <= kLeft ||
+                           (!stale && in.x_seen.p_NB.z() - least <= kLeftSeen));
 }
 
 // Light on its feet it may still stand when it is seen to slide: what the ground

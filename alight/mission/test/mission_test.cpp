@@ -2246,9 +2246,111 @@ TEST(Mission, AFailsafeOnceThrustWasTakenBackIsNoFlight) {
   late.miss(1);
   late.computer_was_late = true;
   late.mode = AutopilotMode::failsafe;
+  late.sight = false;
   late.step();
   EXPECT_EQ(late.state(), State::lost_link);
   EXPECT_EQ(late.orders_disarm, 0);
+}
+
+// Its autopilot waits for set-points: in sight and heard it is flown on, with what
+// thrust it had, and not left to a landing mode that a platform carries along.
+TEST(Mission, ATakeOffGoesOnWhereOnlyTheComputerStoodStill) {
+  for (const bool stood_still : {true, false}) {
+    SCOPED_TRACE(stood_still);
+    Flight f;
+    f.lifts = false;
+    ASSERT_TRUE(f.reach(State::taken_off));
+    while (f.c.ramp_share < 0.9) f.step();
+    const double had = f.c.ramp_share;
+    f.miss(1);
+    f.computer_was_late = stood_still;
+    f.mode = AutopilotMode::failsafe;
+    f.step();
+    ASSERT_EQ(f.state(), stood_still ? State::taken_off : State::lost_link);
+    if (!stood_still) continue;
+    EXPECT_TRUE(f.c.lifted);
+    EXPECT_EQ(f.c.mode, MissionCommand::Mode::track);
+    f.mode = AutopilotMode::offboard;
+    f.computer_was_late = false;
+    f.x().p_NB.z() = f.rig().drone.gear_height_m;
+    f.step();
+    EXPECT_NEAR(f.c.thrust_least, had, 0.03);
+    EXPECT_EQ(f.orders_disarm, 0);
+    EXPECT_TRUE(f.until(State::follow, 20));
+  }
+}
+
+// It slid, so that it counts as lifted; what thrust makes of it no picture has shown.
+TEST(Mission, ADroneThatIsLostAsItSlidesComesDownAsOneThatHasNotLifted) {
+  struct Case {
+    double rise, climb;
+    bool comes_down;
+  };
+  for (const Case& c : {Case{0, 0, true}, Case{0.01, 0.05, true}, Case{0.03, 0, false},
+                        Case{0.004, 0.25, false}}) {
+    SCOPED_TRACE(testing::Message() << c.rise << " m, " << c.climb << " m/s");
+    Flight f;
+    f.lifts = false;
+    f.slid = Vector3(1.1 * MissionConfig{}.slip_m, 0, 0);
+    ASSERT_TRUE(f.reach(State::taken_off));
+    while (!f.c.lifted) f.step();
+    f.sight = false;
+    const Time lost = f.now();
+    const auto step = [&] {
+      f.x().p_NB.z() = f.rig().drone.gear_height_m + c.rise;
+      f.x().v_NB.z() = c.climb;
+      f.step();
+    };
+    while (f.c.mode == MissionCommand::Mode::track && f.state() == State::taken_off &&
+           to_seconds(f.now() - lost) < 0.2) {
+      step();
+    }
+    if (!c.comes_down) {
+      EXPECT_EQ(f.c.mode, MissionCommand::Mode::track);
+      EXPECT_LT(f.c.thrust_least, 0.95) << "thrust does not grow unseen";
+      continue;
+    }
+    EXPECT_LT(to_seconds(f.now() - lost), 0.12);
+    EXPECT_EQ(f.c.mode, MissionCommand::Mode::ramp);
+    EXPECT_NEAR(f.c.ramp_share, 0.6, 0.15);
+    EXPECT_FALSE(f.mission().flying());
+    while (f.state() == State::taken_off) step();
+    EXPECT_EQ(f.state(), State::idle);
+    EXPECT_EQ(f.orders_disarm, 1);
+    f.sight = f.lifts = true;
+    EXPECT_TRUE(f.until(State::follow, 20));
+  }
+}
+
+// Its motors turn, for it was not heard; a second start would find it in the air.
+TEST(Mission, NoStartBeginsWithMotorsThatStillTurn) {
+  for (const bool seen : {true, false}) {
+    SCOPED_TRACE(seen);
+    Flight f;
+    f.lifts = false;
+    ASSERT_TRUE(f.reach(State::taken_off));
+    while (f.c.ramp_share < 0.8) f.step();
+    f.link_up = false;
+    ASSERT_TRUE(f.until(State::idle, 1));
+    f.sight = seen;
+    f.run(2);  // no order arrives
+    ASSERT_TRUE(f.armed());
+    const int orders = f.orders_disarm;
+    f.link_up = true;
+    if (seen) {
+      f.step();
+      EXPECT_FALSE(f.armed());
+      f.lifts = true;
+      EXPECT_TRUE(f.until(State::follow, 20)) << "starts anew";
+      continue;
+    }
+    f.run(0.5);
+    EXPECT_EQ(f.orders_disarm, orders) << "it may be in the air";
+    EXPECT_EQ(f.state(), State::idle);
+    ASSERT_TRUE(f.until(State::refused, 20));
+    EXPECT_EQ(f.reason(), "the autopilot does not stop its motors");
+    EXPECT_TRUE(f.armed());
+  }
 }
 
 TEST(Mission, LostRightAfterTheTakeOffItIsLeftToTheAutopilotSoon) {
