@@ -171,6 +171,7 @@ class Mission {
   Vector3 from_lens_;
   double speed_max_;        // the drone's, m/s
   Seconds unseen_lifting_;  // at take-off: two pictures are missing
+  Time woke_ = 0;           // after a stall of the computer, in the take-off
   double tilt_max_;
   IntoView into_view_;
   MissionStatus status_;

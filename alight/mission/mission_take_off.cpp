@@ -18,9 +18,10 @@ constexpr double kHardlyRises = 0.2;
 constexpr double kStillStands = 0.85;
 // What its autopilot has done by itself within this time, s, has not lifted it off.
 constexpr Seconds kJustTookOver = 0.4;
-constexpr double kLeft = 0.02;       // m above where it stood: no foot touches,
-constexpr double kLeftSeen = 0.005;  // told by a picture, which is older,
-constexpr Seconds kLeavesIn = 0.8;   // which is never far off.
+constexpr Seconds kFirstPicture = 0.2;  // after a stall, at the latest
+constexpr double kLeft = 0.02;          // m above where it stood: no foot touches,
+constexpr double kLeftSeen = 0.005;     // told by a picture, which is older,
+constexpr Seconds kLeavesIn = 0.8;      // which is never far off.
 // So near above the ground, m, it keeps this much of the nominal hover thrust.
 constexpr double kNearGround = 0.3, kKeepsUp = 0.9;
 // Of the nominal hover thrust: it moves even a drone that is a fifth heavier than the
@@ -178,12 +179,20 @@ void Mission::taken_off(const MissionInput& in, Command& c, Output& out) {
       go(MissionState::idle, reason, in, out);
       return;
     }
-    // In its sight, and heard again, it only waits for set-points.
-    if (in.computer_was_late && in.mode == AutopilotMode::failsafe && fresh &&
+    // In sight and heard again it only waits for set-points. The first picture after
+    // the stall is yet to come.
+    if (in.computer_was_late && in.mode == AutopilotMode::failsafe &&
         in.link->healthy(in.now)) {
-      c.ramp_share = std::min(ramp_most_, share);
-      lift(false, 0, in, c, out);
-      return;
+      if (fresh) {
+        c.ramp_share = std::min(ramp_most_, share);
+        lift(false, 0, in, c, out);
+        return;
+      }
+      if (woke_ <= status_.since) woke_ = in.now;
+      if (to_seconds(in.now - woke_) < kFirstPicture) {
+        c.mode = Command::Mode::silent;
+        return;
+      }
     }
     airborne_ = true;  // for all that is known
     go(MissionState::lost_link, reason, in, out);
