@@ -2247,7 +2247,10 @@ TEST(Mission, AFailsafeOnceThrustWasTakenBackIsNoFlight) {
   late.computer_was_late = true;
   late.mode = AutopilotMode::failsafe;
   late.sight = false;
-  late.step();
+  late.run(0.15);
+  EXPECT_EQ(late.state(), State::taken_off) << "a picture is to come";
+  EXPECT_EQ(late.c.mode, MissionCommand::Mode::silent);
+  late.run(0.1);
   EXPECT_EQ(late.state(), State::lost_link);
   EXPECT_EQ(late.orders_disarm, 0);
 }
@@ -2265,6 +2268,12 @@ TEST(Mission, ATakeOffGoesOnWhereOnlyTheComputerStoodStill) {
     f.miss(1);
     f.computer_was_late = stood_still;
     f.mode = AutopilotMode::failsafe;
+    if (stood_still) {
+      f.sight = false;
+      f.step();
+      EXPECT_EQ(f.c.mode, MissionCommand::Mode::silent);
+      f.sight = true;
+    }
     f.step();
     ASSERT_EQ(f.state(), stood_still ? State::taken_off : State::lost_link);
     if (!stood_still) continue;
