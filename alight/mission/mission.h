@@ -110,6 +110,8 @@ class Mission {
   bool lifts_off(const MissionInput& in) const;
   bool hardly_off(const MissionInput& in) const;
   void come_down(bool for_the_link, const MissionInput& in);
+  void taken_over_on_ramp(double share, const MissionInput& in, Command& c,
+                          Output& out);
   void lift(bool carried, double flown, const MissionInput& in, Command& c,
             Output& out);
   bool leaves_ground(const MissionInput& in) const;

@@ -167,35 +167,7 @@ void Mission::taken_off(const MissionInput& in, Command& c, Output& out) {
   const double share = config_.ramp_from + rate * in_state(in);
   if (obeyed_ &&
       (in.mode == AutopilotMode::failsafe || in.mode == AutopilotMode::land)) {
-    const char* reason = in.computer_was_late ? kStoodStill : kFailsafe;
-    // With what thrust was asked for at most, unless that has long been the
-    // autopilot's.
-    const Seconds unsure = to_seconds(in.now - obeyed_till_);
-    const double most = unsure < kJustTookOver ? std::min(ramp_most_, share) : share;
-    if (most < kStillStands && starts_ < config_.starts_max) {
-      c.order = AutopilotOrder::disarm;
-      disarms_ = true;
-      last_order_ = in.now;
-      go(MissionState::idle, reason, in, out);
-      return;
-    }
-    // In sight and heard again it only waits for set-points. The first picture after
-    // the stall is yet to come.
-    if (in.computer_was_late && in.mode == AutopilotMode::failsafe &&
-        in.link->healthy(in.now)) {
-      if (fresh) {
-        c.ramp_share = std::min(ramp_most_, share);
-        lift(false, 0, in, c, out);
-        return;
-      }
-      if (woke_ <= status_.since) woke_ = in.now;
-      if (to_seconds(in.now - woke_) < kFirstPicture) {
-        c.mode = Command::Mode::silent;
-        return;
-      }
-    }
-    airborne_ = true;  // for all that is known
-    go(MissionState::lost_link, reason, in, out);
+    taken_over_on_ramp(share, in, c, out);
     return;
   }
   c.mode = Command::Mode::ramp;
@@ -256,6 +228,40 @@ void Mission::taken_off(const MissionInput& in, Command& c, Output& out) {
       fresh && !coming_down_ && (config_.start_on_floor || rose || slipped);
   if (!lifted) return;
   lift(rose, std::max(rise - kStandNoise, 0.0), in, c, out);
+}
+
+// Its autopilot acts by itself before it was seen to lift.
+void Mission::taken_over_on_ramp(double share, const MissionInput& in, Command& c,
+                                 Output& out) {
+  const char* reason = in.computer_was_late ? kStoodStill : kFailsafe;
+  // With what thrust was asked for at most, unless that has long been the
+  // autopilot's.
+  const Seconds unsure = to_seconds(in.now - obeyed_till_);
+  const double most = unsure < kJustTookOver ? std::min(ramp_most_, share) : share;
+  if (most < kStillStands && starts_ < config_.starts_max) {
+    c.order = AutopilotOrder::disarm;
+    disarms_ = true;
+    last_order_ = in.now;
+    go(MissionState::idle, reason, in, out);
+    return;
+  }
+  // In sight and heard again it only waits for set-points. The first picture after
+  // the stall is yet to come.
+  if (in.computer_was_late && in.mode == AutopilotMode::failsafe &&
+      in.link->healthy(in.now)) {
+    if (in_sight(in)) {
+      c.ramp_share = std::min(ramp_most_, share);
+      lift(false, 0, in, c, out);
+      return;
+    }
+    if (woke_ <= status_.since) woke_ = in.now;
+    if (to_seconds(in.now - woke_) < kFirstPicture) {
+      c.mode = Command::Mode::silent;
+      return;
+    }
+  }
+  airborne_ = true;  // for all that is known
+  go(MissionState::lost_link, reason, in, out);
 }
 
 void Mission::lift(bool carried, double flown, const MissionInput& in, Command& c,
