@@ -19,9 +19,13 @@ constexpr double kStillStands = 0.85;
 // What its autopilot has done by itself within this time, s, has not lifted it off.
 constexpr Seconds kJustTookOver = 0.4;
 constexpr Seconds kFirstPicture = 0.2;  // after a stall, at the latest
-constexpr double kLeft = 0.02;          // m above where it stood: no foot touches,
-constexpr double kLeftSeen = 0.005;     // told by a picture, which is older,
-constexpr Seconds kLeavesIn = 0.8;      // which is never far off.
+// A drone that slides is about to lift. Its thrust grows by this share of the ramp's
+// rate from there on: what is on its way as it lifts throws it up, and is all that it
+// has, should set-points end then.
+constexpr double kStillGrows = 0.5;
+constexpr double kLeft = 0.02;       // m above where it stood: no foot touches,
+constexpr double kLeftSeen = 0.005;  // told by a picture, which is older,
+constexpr Seconds kLeavesIn = 0.8;   // which is never far off.
 // So near above the ground, m, it keeps this much of the nominal hover thrust.
 constexpr double kNearGround = 0.3, kKeepsUp = 0.9;
 // Of the nominal hover thrust: it moves even a drone that is a fifth heavier than the
@@ -331,7 +335,8 @@ bool Mission::leaves_ground(const MissionInput& in) const {
 void Mission::leave_ground(const MissionInput& in, Command& c) const {
   if (leaves_ground(in)) {
     const Seconds since = to_seconds(in.now - lifted_at_);
-    c.thrust_least = std::min(share_lifted_ + ramp_rate(in) * since, config_.ramp_to);
+    c.thrust_least =
+        std::min(share_lifted_ + kStillGrows * ramp_rate(in) * since, config_.ramp_to);
   } else if (lifts_off(in) && in.z_acted - p_rest_.z() < kNearGround) {
     c.thrust_least = kKeepsUp;
   }
