@@ -281,6 +281,19 @@ void Mission::leave_pad(const MissionInput& in, Command& c, Output& out) {
   c.lifted = true;
 }
 
+double Mission::height_soon(const MissionInput& in) {
+  return in.x.p_NB.z() + kSinksOn * std::min(0.0, in.x.v_NB.z());
+}
+
+// However high its reference waits: set-points that were lost for a while may have left
+// it there. While they still are, the landing is all that is known to be asked of it.
+bool Mission::sinks_beside(const MissionInput& in) const {
+  const bool obeys = in.link->healthy(in.now) && in.mode == AutopilotMode::offboard;
+  const Vector3 soon = in.x.p_NB + kSinksOn * in.x.v_NB;
+  return obeys && in_sight(in) && soon.head<2>().cwiseAbs().maxCoeff() > pad_half_ &&
+         height_soon(in) < gear_height_ + config_.commit_height_m - kRefusesBelow;
+}
+
 void Mission::land(const MissionInput& in, Command& c, Output& out) {
   if (overruled(in, out)) return;
   if (!committed_ && set_down(in, c, out)) return;
@@ -337,12 +350,13 @@ void Mission::land(const MissionInput& in, Command& c, Output& out) {
          : !in.platform_ready ? kNoOdometry
                               : "too far from the trajectory",
          in, out);
+    } else if (sinks_beside(in)) {
+      go(MissionState::go_around, "the pad is not beneath it", in, out);
     } else if (!waits && !quiet_deck_.waiting() && !sight_fails(in) &&
                in.x.p_NB.z() < commit_height && ref.p_NB.z() < commit_height &&
                horizontal(ref.p_NB) < 0.5 * config_.go_around_error_m) {
       if (miss > config_.commit_error_m) {
-        const double soon = in.x.p_NB.z() + kSinksOn * std::min(0.0, in.x.v_NB.z());
-        if (soon < commit_height - kRefusesBelow) {
+        if (height_soon(in) < commit_height - kRefusesBelow) {
           go(MissionState::go_around,
              in.platform_ready ? "not over the pad at the commit height" : kNoOdometry,
              in, out);

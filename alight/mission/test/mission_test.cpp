@@ -2175,6 +2175,27 @@ TEST(Mission, WhereNoPicturesComeTheSearchIsShorter) {
   }
 }
 
+// Its reference waits above the commit height, where it was while nothing arrived.
+TEST(Mission, WhatSinksBesideThePadGoesAroundWhereverItsReferenceIs) {
+  for (const bool obeys : {true, false}) {
+    for (const double beside : {0.25, 0.15}) {
+      SCOPED_TRACE(testing::Message() << obeys << ", " << beside << " m");
+      Flight f;
+      ASSERT_TRUE(f.reach(State::land));
+      ASSERT_TRUE(f.until_below(0.22));
+      f.off =
+          Vector3(0, beside, 0.08 - f.mission().reference(f.now() + kStep).p_NB.z());
+      ASSERT_LT(f.off.norm(), MissionConfig{}.go_around_error_m);
+      f.mode = obeys ? AutopilotMode::offboard : AutopilotMode::failsafe;
+      f.step();
+      f.step();
+      const bool leaves = obeys && beside > 0.215;
+      EXPECT_EQ(f.state(), leaves ? State::go_around : State::land);
+      if (leaves) EXPECT_EQ(f.reason(), "the pad is not beneath it");
+    }
+  }
+}
+
 // Its autopilot knows its speed for seconds after its last pose: it had better land.
 TEST(Mission, NeitherSeenNorHeardItIsLeftSooner) {
   for (const bool heard : {false, true}) {
