@@ -2191,7 +2191,9 @@ TEST(Mission, WhatSinksBesideThePadGoesAroundWhereverItsReferenceIs) {
       f.step();
       const bool leaves = obeys && beside > 0.215;
       EXPECT_EQ(f.state(), leaves ? State::go_around : State::land);
-      if (leaves) EXPECT_EQ(f.reason(), "the pad is not beneath it");
+      if (leaves) {
+        EXPECT_EQ(f.reason(), "the pad is not beneath it");
+      }
     }
   }
 }
