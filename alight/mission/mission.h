@@ -108,7 +108,6 @@ class Mission {
   double ramp_rate(const MissionInput& in) const;  // 1/s
   bool stood(const MissionInput& in);
   bool lifts_off(const MissionInput& in) const;
-  static double height_soon(const MissionInput& in);
   bool sinks_beside(const MissionInput& in) const;
   bool hardly_off(const MissionInput& in) const;
   void come_down(bool for_the_link, const MissionInput& in);

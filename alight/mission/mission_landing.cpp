@@ -48,6 +48,10 @@ bool sight_fails(const MissionInput& in) {
   return !in_sight(in) && in.blindness != Blindness::late;
 }
 
+double height_soon(const MissionInput& in) {
+  return in.x.p_NB.z() + kSinksOn * std::min(0.0, in.x.v_NB.z());
+}
+
 }  // namespace
 
 void Mission::follow(const MissionInput& in, Output& out) {
@@ -279,10 +283,6 @@ void Mission::leave_pad(const MissionInput& in, Command& c, Output& out) {
   go(MissionState::go_around, "not heard as it touched, it slides off the pad", in,
      out);
   c.lifted = true;
-}
-
-double Mission::height_soon(const MissionInput& in) {
-  return in.x.p_NB.z() + kSinksOn * std::min(0.0, in.x.v_NB.z());
 }
 
 // However high its reference waits: set-points that were lost for a while may have left
