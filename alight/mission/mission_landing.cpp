@@ -285,10 +285,11 @@ void Mission::leave_pad(const MissionInput& in, Command& c, Output& out) {
   c.lifted = true;
 }
 
-// However high its reference waits: set-points that were lost for a while may have left
-// it there. While they still are, the landing is all that is known to be asked of it.
+// Its autopilot acted alone and left it there, however high its reference waits. (Where
+// it only is the pad that moves, both meet again sooner than the drone gets away.)
 bool Mission::sinks_beside(const MissionInput& in) const {
-  const bool obeys = in.link->healthy(in.now) && in.mode == AutopilotMode::offboard;
+  const bool obeys = alone_within(kAloneLately, in.now) && in.link->healthy(in.now) &&
+                     in.mode == AutopilotMode::offboard;
   const Vector3 soon = in.x.p_NB + kSinksOn * in.x.v_NB;
   return obeys && in_sight(in) && soon.head<2>().cwiseAbs().maxCoeff() > pad_half_ &&
          height_soon(in) < gear_height_ + config_.commit_height_m - kRefusesBelow;

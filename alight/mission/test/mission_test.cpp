@@ -2176,24 +2176,31 @@ TEST(Mission, WhereNoPicturesComeTheSearchIsShorter) {
 }
 
 // Its reference waits above the commit height, where it was while nothing arrived.
-TEST(Mission, WhatSinksBesideThePadGoesAroundWhereverItsReferenceIs) {
-  for (const bool obeys : {true, false}) {
-    for (const double beside : {0.25, 0.15}) {
-      SCOPED_TRACE(testing::Message() << obeys << ", " << beside << " m");
-      Flight f;
-      ASSERT_TRUE(f.reach(State::land));
-      ASSERT_TRUE(f.until_below(0.22));
-      f.off =
-          Vector3(0, beside, 0.08 - f.mission().reference(f.now() + kStep).p_NB.z());
-      ASSERT_LT(f.off.norm(), MissionConfig{}.go_around_error_m);
-      f.mode = obeys ? AutopilotMode::offboard : AutopilotMode::failsafe;
-      f.step();
-      f.step();
-      const bool leaves = obeys && beside > 0.215;
-      EXPECT_EQ(f.state(), leaves ? State::go_around : State::land);
-      if (leaves) {
-        EXPECT_EQ(f.reason(), "the pad is not beneath it");
-      }
+TEST(Mission, LeftBesideThePadByItsAutopilotItGoesAroundWhereverItsReferenceIs) {
+  struct Case {
+    bool was_alone, obeys;
+    double beside;
+    bool leaves;
+  };
+  for (const Case& c :
+       {Case{true, true, 0.25, true}, Case{true, false, 0.25, false},
+        Case{false, true, 0.25, false}, Case{true, true, 0.15, false}}) {
+    SCOPED_TRACE(testing::Message()
+                 << c.was_alone << ", " << c.obeys << ", " << c.beside << " m");
+    Flight f;
+    ASSERT_TRUE(f.reach(State::land));
+    ASSERT_TRUE(f.until_below(0.22));
+    if (c.was_alone) f.mode = AutopilotMode::failsafe;
+    f.step();
+    f.off =
+        Vector3(0, c.beside, 0.08 - f.mission().reference(f.now() + kStep).p_NB.z());
+    ASSERT_LT(f.off.norm(), MissionConfig{}.go_around_error_m);
+    if (c.obeys) f.mode = AutopilotMode::offboard;
+    f.step();
+    f.step();
+    EXPECT_EQ(f.state(), c.leaves ? State::go_around : State::land);
+    if (c.leaves) {
+      EXPECT_EQ(f.reason(), "the pad is not beneath it");
     }
   }
 }
