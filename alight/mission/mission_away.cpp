@@ -41,9 +41,6 @@ constexpr Seconds kAloneBefore = 1;
 constexpr double kSweptMost = 1;
 // Unseen for so long, s, the drone may be elsewhere than predicted.
 constexpr Seconds kStillKnown = 1;
-// Neither seen nor heard for so long, s, a drone may lean no more than what it may be
-// left with, which brakes nothing; its autopilot still knows its speed, for a while.
-constexpr Seconds kDeafAndBlind = 0.5;
 // What a tenth of thrust that is not known does to a prediction: 0.5 m in the second
 // after the LEDs were lost. It is learnt in this time of flight in sight, s; a search
 // is as short before that.
@@ -248,10 +245,6 @@ void Mission::lost_target(const MissionInput& in, Output& out) {
   if (overruled(in, out)) return;
   if (unseen(in) < kFreshSight) {
     go(MissionState::go_around, "the LEDs are in sight again", in, out);
-    return;
-  }
-  if (in.link->silence(in.now) > kDeafAndBlind) {
-    go(MissionState::lost_link, kUnheard, in, out);
     return;
   }
   // What the computer missed while it stood still stays its fault.

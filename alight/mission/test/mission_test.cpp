@@ -2205,34 +2205,6 @@ TEST(Mission, LeftBesideThePadByItsAutopilotItGoesAroundWhereverItsReferenceIs) 
   }
 }
 
-// Its autopilot knows its speed for seconds after its last pose: it had better land.
-TEST(Mission, NeitherSeenNorHeardItIsLeftSooner) {
-  for (const bool heard : {false, true}) {
-    SCOPED_TRACE(heard);
-    Flight f;
-    ASSERT_TRUE(bring(f, State::follow));
-    f.sight = false;
-    f.link_up = heard;
-    const Time lost = f.now();
-    ASSERT_TRUE(f.until(State::lost_target, 1));
-    f.run(0.15);
-    EXPECT_EQ(f.state(), State::lost_target) << "a burst of losses may end";
-    f.run(lost + 600'000'000 > f.now() ? to_seconds(lost + 600'000'000 - f.now()) : 0);
-    EXPECT_EQ(f.state(), heard ? State::lost_target : State::lost_link);
-    if (heard) continue;
-    EXPECT_EQ(f.c.mode, MissionCommand::Mode::silent);
-    f.link_up = true;
-    f.run(0.05);
-    EXPECT_EQ(f.state(), State::lost_target) << "it is taken back";
-  }
-  // Seen, it is not given up for a silence that may end.
-  Flight seen;
-  ASSERT_TRUE(bring(seen, State::follow));
-  seen.link_up = false;
-  seen.run(0.8);
-  EXPECT_EQ(seen.state(), State::follow);
-}
-
 // Height helps to be seen, and is the longer to fall.
 TEST(Mission, WhereNoPicturesComeItDoesNotClimbToBeSeen) {
   const auto lost = [](Flight& f, Blindness why) {
