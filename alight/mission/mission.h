@@ -108,8 +108,8 @@ class Mission {
   double ramp_rate(const MissionInput& in) const;  // 1/s
   bool stood(const MissionInput& in);
   bool lifts_off(const MissionInput& in) const;
-  bool sinks_beside(const MissionInput& in) const;
-  bool hardly_off(const MissionInput& in) const;
+  bool misses_pictures(const MissionInput& in) const;
+  bool lost_as_it_lifts(const MissionInput& in) const;
   void come_down(bool for_the_link, const MissionInput& in);
   void taken_over_on_ramp(double share, const MissionInput& in, Command& c,
                           Output& out);
@@ -152,6 +152,7 @@ class Mission {
   /// @returns false: it does not rest there.
   bool set_down(const MissionInput& in, Command& c, Output& out);
   void leave_pad(const MissionInput& in, Command& c, Output& out);
+  bool sinks_beside(const MissionInput& in) const;
   void land(const MissionInput& in, Command& c, Output& out);
   /// Gusts pass, and decks come round: better to wait above the pad than to touch
   /// beside its middle or on the edge of a foot.
@@ -174,7 +175,6 @@ class Mission {
   Vector3 from_lens_;
   double speed_max_;        // the drone's, m/s
   Seconds unseen_lifting_;  // at take-off: two pictures are missing
-  Time woke_ = 0;           // after a stall of the computer, in the take-off
   double tilt_max_;
   IntoView into_view_;
   MissionStatus status_;
@@ -188,6 +188,7 @@ class Mission {
   bool airborne_ = false;
   Time lifted_at_ = 0;
   double share_lifted_ = 0;  // of the nominal hover thrust, then
+  Time woke_ = 0;            // on the ramp, after a stall of the computer
   Matrix3 R_rest_ = Matrix3::Identity();
   Vector3 p_rest_ = Vector3::Zero();  // where it stood before take-off
 

@@ -24,6 +24,10 @@ inline constexpr const char* kStoodStill =
     "the computer stood still: the autopilot lands";
 
 inline double horizontal(const Vector3& v) { return v.head<2>().norm(); }
+/// Half the side of the square about the pad's middle on whose edge it is.
+inline double off_middle(const Vector3& p_NB) {
+  return p_NB.head<2>().cwiseAbs().maxCoeff();
+}
 
 /// A reference to begin with from where a drone is, as fast and turned as it is.
 inline FlatState as_it_flies(const RelativeState& x) {

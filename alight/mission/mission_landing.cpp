@@ -291,7 +291,7 @@ bool Mission::sinks_beside(const MissionInput& in) const {
   const bool obeys = alone_within(kAloneLately, in.now) && in.link->healthy(in.now) &&
                      in.mode == AutopilotMode::offboard;
   const Vector3 soon = in.x.p_NB + kSinksOn * in.x.v_NB;
-  return obeys && in_sight(in) && soon.head<2>().cwiseAbs().maxCoeff() > pad_half_ &&
+  return obeys && in_sight(in) && off_middle(soon) > pad_half_ &&
          height_soon(in) < gear_height_ + config_.commit_height_m - kRefusesBelow;
 }
 
@@ -376,8 +376,7 @@ void Mission::land(const MissionInput& in, Command& c, Output& out) {
   const Seconds ahead = room ? touch_down_.touches_within(in) : 0;
   const Vector3 soon = in.x.p_NB + ahead * in.x.v_NB;
   const double half = pad_half_ - (room ? touch_down_.foot_spread() + kEdgeOff : 0);
-  if (in_sight(in, config_.sight_lost_s) &&
-      soon.head<2>().cwiseAbs().maxCoeff() > half) {
+  if (in_sight(in, config_.sight_lost_s) && off_middle(soon) > half) {
     go(MissionState::go_around, "the pad is not beneath it", in, out);
   } else if (maneuver_.past_end(in.now) > config_.landing_overtime_s) {
     go(MissionState::go_around, "no touch-down where the pad should be", in, out);

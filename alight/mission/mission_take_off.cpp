@@ -97,12 +97,11 @@ void Mission::idle(const MissionInput& in, Command& c, Output& out) {
 bool Mission::stood(const MissionInput& in) {
   const RelativeState& x = in.x_seen;
   const double slack = starts_ == 0 ? kBeforeTheFirst : 1;
-  const bool stands =
-      std::abs(x.p_NB.z() - gear_height_) < slack * kFeetDown &&
-      x.p_NB.head<2>().cwiseAbs().maxCoeff() < pad_half_ + (slack - 1) * kFeetDown &&
-      angle_between(Vector3(x.R_NB.col(2)), Vector3(Vector3::UnitZ())) <
-          slack * kLevelDeg * kDegree &&
-      (starts_ == 0 || x.v_NB.norm() < kStill);
+  const bool stands = std::abs(x.p_NB.z() - gear_height_) < slack * kFeetDown &&
+                      off_middle(x.p_NB) < pad_half_ + (slack - 1) * kFeetDown &&
+                      angle_between(Vector3(x.R_NB.col(2)), Vector3(Vector3::UnitZ())) <
+                          slack * kLevelDeg * kDegree &&
+                      (starts_ == 0 || x.v_NB.norm() < kStill);
   if (!stands) stood_since_ = in.now;
   return to_seconds(in.now - stood_since_) >= kStoodFor;
 }
@@ -140,7 +139,7 @@ void Mission::armed(const MissionInput& in, Command& c, Output& out) {
 
 void Mission::taken_off(const MissionInput& in, Command& c, Output& out) {
   const bool fresh = in_sight(in);
-  if (airborne_ && hardly_off(in) && unseen(in) > unseen_lifting_) {
+  if (lost_as_it_lifts(in)) {
     airborne_ = false;  // It has shown what thrust makes of it in no picture yet.
     come_down(false, in);
   }
@@ -182,7 +181,7 @@ void Mission::taken_off(const MissionInput& in, Command& c, Output& out) {
   // Unseen, it would climb and climb. It may be off the ground by a few centimetres:
   // with less thrust than carries it, it comes down softly.
   const bool stale =
-      unseen(in) > unseen_lifting_ || (in.picture_repeats && c.ramp_share > kMovesIt);
+      misses_pictures(in) || (in.picture_repeats && c.ramp_share > kMovesIt);
   const bool unheard = !in.link->healthy(in.now);
   if (!config_.start_on_floor && !coming_down_ && (stale || unheard)) {
     come_down(!stale, in);
@@ -311,9 +310,13 @@ bool Mission::lifts_off(const MissionInput& in) const {
          !config_.start_on_floor && to_seconds(in.now - lifted_at_) <= kLeavesIn;
 }
 
+bool Mission::misses_pictures(const MissionInput& in) const {
+  return unseen(in) > unseen_lifting_;
+}
+
 // No higher and no faster than what kComingDown brings down softly.
-bool Mission::hardly_off(const MissionInput& in) const {
-  return lifts_off(in) && in.z_acted - p_rest_.z() <= kLeft &&
+bool Mission::lost_as_it_lifts(const MissionInput& in) const {
+  return lifts_off(in) && misses_pictures(in) && in.z_acted - p_rest_.z() <= kLeft &&
          in.x.v_NB.z() <= kHardlyRises;
 }
 
@@ -324,9 +327,8 @@ bool Mission::leaves_ground(const MissionInput& in) const {
   const double leans =
       angle_between(Vector3(in.x.R_NB.col(2)), Vector3(R_rest_.col(2)));
   const double least = p_rest_.z() + arm_ * std::sin(leans);
-  const bool stale = unseen(in) > unseen_lifting_;
-  return lifts_off(in) && (in.z_acted - least <= kLeft ||
-                           (!stale && in.x_seen.p_NB.z() - least <= kLeftSeen));
+  const bool seen_low = !misses_pictures(in) && in.x_seen.p_NB.z() - least <= kLeftSeen;
+  return lifts_off(in) && (in.z_acted - least <= kLeft || seen_low);
 }
 
 // Light on its feet it may still stand when it is seen to slide: what the ground

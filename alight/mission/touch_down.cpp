@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "alight/mission/mission_common.h"
+
 namespace alight {
 namespace {
 
@@ -74,8 +76,6 @@ constexpr Seconds kMayBeDeaf = 0.1;
 // what is left of it takes as long to hold the drone where it slides.
 constexpr Seconds kHeardAgain = 0.05, kSlidesOn = 0.15;
 constexpr double kFootOver = 0.5;  // the edge, by this share of its way from the middle
-
-double horizontal(const Vector3& v) { return v.head<2>().norm(); }
 
 /// By how much less it may lean than a push asks for, m/s^2, as it touches.
 double leans_less(double push, double deck_swing) {
@@ -227,7 +227,7 @@ double TouchDown::thrust_share(Time now) const {
 
 bool TouchDown::was_set_down(const MissionInput& in) {
   const RelativeState& x = in.x_seen;
-  const double reach = x.p_NB.head<2>().cwiseAbs().maxCoeff() + foot_spread();
+  const double reach = off_middle(x.p_NB) + foot_spread();
   if (!carried(in) || reach > pad_half_ || x.v_NB.norm() > kAtRest) return false;
   p_touch_ = x.p_NB;
   return true;
@@ -243,7 +243,7 @@ bool TouchDown::slides_off(const MissionInput& in) {
   }
   const RelativeState& x = in.x_seen;
   const Vector3 soon = x.p_NB + (in.acts_in + kSlidesOn) * x.v_NB;
-  return soon.head<2>().cwiseAbs().maxCoeff() > pad_half_ - kFootOver * foot_spread();
+  return off_middle(soon) > pad_half_ - kFootOver * foot_spread();
 }
 
 bool TouchDown::stands(const MissionInput& in) {
@@ -276,7 +276,7 @@ const char* TouchDown::moved(const MissionInput& in) {
 
 const char* TouchDown::how_it_stands(const MissionInput& in) const {
   // The middle between the feet is at the origin of B to within the LED frame's error.
-  const bool inside = in.x_seen.p_NB.head<2>().cwiseAbs().maxCoeff() < pad_half_;
+  const bool inside = off_middle(in.x_seen.p_NB) < pad_half_;
   if (in_sight(in) && !inside) return "motors stopped, not on the pad";
   if (slid_) return "motors stopped, after a slide";
   return bounced_ ? "motors stopped, after a bounce" : "motors stopped";

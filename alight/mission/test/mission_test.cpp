@@ -160,6 +160,13 @@ class Flight {
     wish = OperatorWish::go;
     return until(state, 60);
   }
+  /// A start in which it does not lift, until it is asked for so much thrust.
+  bool ramp_up_to(double share) {
+    lifts = false;
+    if (!reach(MissionState::taken_off)) return false;
+    while (c.ramp_share < share && state() == MissionState::taken_off) step();
+    return c.ramp_share >= share;
+  }
   /// Within a landing, to a reference below `height`.
   bool until_below(double height) {
     for (int i = 0; i < 1000 && state() == MissionState::land; ++i) {
@@ -1576,9 +1583,7 @@ TEST(Mission, ADroneThatIsNoLongerSeenAsItLiftsComesDownSoftly) {
   for (const double lost_at : {0.8, 0.95, 1.0, 1.1, 1.2}) {
     SCOPED_TRACE(lost_at);
     Flight f;
-    f.lifts = false;  // as far as is seen
-    ASSERT_TRUE(f.reach(State::taken_off));
-    while (f.c.ramp_share < lost_at) f.step();
+    ASSERT_TRUE(f.ramp_up_to(lost_at));
     f.sight = false;
     const Time lost = f.now();
     // Two pictures are missing: less than carries it, and for long enough to come down.
@@ -1608,10 +1613,8 @@ TEST(Mission, ALinkThatFailsAsItLiftsEndsTheStartAndThePlatformBrakes) {
   for (const double lost_at : {0.8, 0.95, 1.0, 1.1}) {
     SCOPED_TRACE(lost_at);
     Flight f;
-    f.lifts = false;
     f.slid.z() = 0.006;  // it may have
-    ASSERT_TRUE(f.reach(State::taken_off));
-    while (f.c.ramp_share < lost_at) f.step();
+    ASSERT_TRUE(f.ramp_up_to(lost_at));
     f.link_up = false;
     double most = 0, wish = 1;
     const Time lost = f.now();
@@ -1641,10 +1644,8 @@ TEST(Mission, ALinkThatFailsWhileItStandsEndsTheStartAtOnce) {
   for (const double lost_at : {0.75, 0.9}) {
     SCOPED_TRACE(lost_at);
     Flight f;
-    f.lifts = false;
     f.slid = Vector3(0.0009, 0, 0.0015);  // what a drone that stands shows
-    ASSERT_TRUE(f.reach(State::taken_off));
-    while (f.c.ramp_share < lost_at) f.step();
+    ASSERT_TRUE(f.ramp_up_to(lost_at));
     f.link_up = false;
     const Time lost = f.now();
     while (f.state() == State::taken_off) f.step();
@@ -2291,9 +2292,7 @@ TEST(Mission, ATakeOffGoesOnWhereOnlyTheComputerStoodStill) {
   for (const bool stood_still : {true, false}) {
     SCOPED_TRACE(stood_still);
     Flight f;
-    f.lifts = false;
-    ASSERT_TRUE(f.reach(State::taken_off));
-    while (f.c.ramp_share < 0.9) f.step();
+    ASSERT_TRUE(f.ramp_up_to(0.9));
     const double had = f.c.ramp_share;
     f.miss(1);
     f.computer_was_late = stood_still;
@@ -2366,9 +2365,7 @@ TEST(Mission, NoStartBeginsWithMotorsThatStillTurn) {
   for (const bool seen : {true, false}) {
     SCOPED_TRACE(seen);
     Flight f;
-    f.lifts = false;
-    ASSERT_TRUE(f.reach(State::taken_off));
-    while (f.c.ramp_share < 0.8) f.step();
+    ASSERT_TRUE(f.ramp_up_to(0.8));
     f.link_up = false;
     ASSERT_TRUE(f.until(State::idle, 1));
     f.sight = seen;
