@@ -33,7 +33,7 @@ constexpr double kRestlessGain = 0.05;  // share of what it is off that counts a
 // Drones move smoothly: their corrections go on for a while that white noise would not
 // have, even where the covariance is true (sines and splines, flights of both
 // renderers).
-constexpr double kSmooth = 2.4;
+constexpr double kSmooth = 1.8;
 // Six LEDs show six directions of their errors. What is learnt from these varies; the
 // mean of 1 / chi^2 of six degrees of freedom is 1.5 / 6.
 constexpr double kLedCaution = 1.2247;  // sqrt(1.5)
@@ -672,6 +672,7 @@ void RelativeFilter::watch_residuals() {
     residuals.push_back(
         {.led = std::countr_zero(o.leds),
          .px = o.residual_px,
+         .H = H,
          .m_per_px = z / camera_.intrinsics.fx,
          .variance_px2 = o.variance_px2,
          .left = std::max(1 - taken / (watch_.noise() * o.variance_px2), kLeftLeast)});

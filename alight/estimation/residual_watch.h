@@ -17,9 +17,10 @@ class ResidualWatch {
   struct Residual {
     int led = 0;
     Vector2 px = Vector2::Zero();
-    double m_per_px = 0;      ///< At the LED: its depth over the focal length.
-    double variance_px2 = 0;  ///< Of both coordinates together, as claimed.
-    double left = 1;          ///< Share of it that the fit should leave.
+    Matrix26 H = Matrix26::Zero();  ///< Derivative of the image by the pose.
+    double m_per_px = 0;            ///< At the LED: its depth over the focal length.
+    double variance_px2 = 0;        ///< Of both coordinates together, as claimed.
+    double left = 1;                ///< Share of it that the fit should leave.
   };
 
   /// The residuals of a picture at its fitted pose. Fewer than four LEDs say nothing.
@@ -37,16 +38,16 @@ class ResidualWatch {
   static constexpr double kLeast = 0.05, kMost = 100;
 
  private:
-  static constexpr double kMemory = 60;  // pictures
-  void learn_noise(double changing, double expected);
+  void learn_noise(std::span<const Residual> residuals);
+  void learn_leds(std::span<const Residual> residuals);
 
-  std::array<Vector2, kMaxLeds> mean_m_;  // of each LED's residual
-  std::array<double, kMaxLeds> seen_{};
+  std::array<Vector2, kMaxLeds> mean_m_;         // of each LED's residual,
+  std::array<double, kMaxLeds> mean_noise_m2_{};  // and its variance; 0: not seen yet
   double noise_ = 1;
-  double noise_told_ = 0;  // images that told of it
-  double pictures_ = 0;
+  double noise_told_ = 0;  // directions that told of it
   double constant_m2_ = 0;
   double hidden_m2_ = 0;  // what noise alone would leave of it
+  double weight_ = 0;     // of both, m^-4
   double told_ = 0;       // directions in which pictures have told of LEDs
 };
 

@@ -25,6 +25,9 @@ constexpr double kNoiseLeast = 0.1, kNoiseMost = 4;  // of chi2 per pixel
 // covers part of a light leaves residuals side by side, which pull it by as much more,
 // at most.
 constexpr double kEdge = 4, kEdgePull2 = 6;
+// What a model of lights lacks moves those that run together: the variance of their
+// places, by that of lights with as much noise alone.
+constexpr double kTogether = 1.35;
 constexpr int kHoldMargin = 1;        // px around a lamp that its light reaches
 constexpr double kHoldGate = 3;       // standard deviations, besides
 constexpr double kHoldSlack = 0.4;    // px
@@ -232,8 +235,9 @@ void LedResolver::add(const Patch& patch, BlobSpan blobs, const Assignment& matc
   const double usual = std::max(noise_, kNoiseLeast);
   const double pull2 =
       std::clamp(fit.chi2_per_pixel / (kEdge * usual), 1.0, kEdgePull2);
+  const double usual_here = fit.count > 1 ? kTogether * usual : usual;
   GroupMatrix measured =
-      fit.information / (pull2 * std::max(fit.chi2_per_pixel, usual));
+      fit.information / (pull2 * std::max(fit.chi2_per_pixel, usual_here));
   const double spread_px = std::sqrt(spread_.variance_px2);
   for (int k = 0; k < fit.count; ++k) {
     const double off =

@@ -16,6 +16,7 @@ constexpr double kMetrePerPx = 0.005;  // 2 m away
 /// Residuals as a pose fitted to n LEDs leaves them: constant part and noise, less what
 /// six directions of their 2 n can take up.
 struct Source {
+  Eigen::MatrixXd J;     // derivative by the pose
   Eigen::MatrixXd left;  // projection on what a pose cannot explain
   Rng rng;
   Eigen::VectorXd constant;
@@ -23,7 +24,7 @@ struct Source {
 
   Source(int n, double led_sd_m, double sd_px_in, std::uint64_t seed)
       : rng(seed), sd_px(sd_px_in) {
-    Eigen::MatrixXd J(2 * n, 6);
+    J.resize(2 * n, 6);
     for (int i = 0; i < J.size(); ++i) J.data()[i] = rng.normal();
     left = Eigen::MatrixXd::Identity(2 * n, 2 * n) -
            J * (J.transpose() * J).inverse() * J.transpose();
@@ -39,6 +40,7 @@ struct Source {
     for (int i = 0; i < r.size() / 2; ++i) {
       out.push_back({.led = i,
                      .px = r.segment<2>(2 * i),
+                     .H = J.middleRows<2>(2 * i),
                      .m_per_px = kMetrePerPx,
                      .variance_px2 = 2 * claimed_sd_px * claimed_sd_px,
                      .left = left.diagonal().segment<2>(2 * i).mean()});
