@@ -32,8 +32,9 @@ struct Source {
     for (int i = 0; i < 2 * n; ++i) constant[i] = led_sd_m / kMetrePerPx * rng.normal();
   }
 
-  std::vector<ResidualWatch::Residual> next(double claimed_sd_px) {
-    Eigen::VectorXd r = constant;
+  std::vector<ResidualWatch::Residual> next(double claimed_sd_px,
+                                            double m_per_px = kMetrePerPx) {
+    Eigen::VectorXd r = kMetrePerPx / m_per_px * constant;
     for (int i = 0; i < r.size(); ++i) r[i] += sd_px * rng.normal();
     r = left * r;
     std::vector<ResidualWatch::Residual> out;
@@ -41,7 +42,7 @@ struct Source {
       out.push_back({.led = i,
                      .px = r.segment<2>(2 * i),
                      .H = J.middleRows<2>(2 * i),
-                     .m_per_px = kMetrePerPx,
+                     .m_per_px = m_per_px,
                      .variance_px2 = 2 * claimed_sd_px * claimed_sd_px,
                      .left = left.diagonal().segment<2>(2 * i).mean()});
     }
@@ -142,6 +143,69 @@ TEST(ResidualWatch, LedsAreOffByNoMoreThanOnePicturesNoiseHides) {
     off.add(Source(6, 0.002, kSd_px, seed).next(kSd_px));
     EXPECT_GT(off.led_sd_m(0.002), 0.0006) << seed;
   }
+}
+
+// Pictures from afar leave far more open than those that follow nearby.
+TEST(ResidualWatch, WhatWasSeenFromAfarMakesNoExactLedsSeemOff) {
+  constexpr int kRuns = 100;
+  double square = 0;
+  for (int run = 0; run < kRuns; ++run) {
+    Source source(6, 0, 0.1, static_cast<std::uint64_t>(run + 1));
+    ResidualWatch watch;
+    for (int k = 0; k < 60; ++k) watch.add(source.next(0.1, 2 * kMetrePerPx));
+    for (int k = 0; k < 60; ++k) watch.add(source.next(0.1, 0.25 * kMetrePerPx));
+    square += watch.led_sd_m() * watch.led_sd_m() / kRuns;
+  }
+  const double hidden_nearby_m = 0.1 * 0.25 * kMetrePerPx / std::sqrt(60);
+  EXPECT_LT(square, 0.5 * hidden_nearby_m * hidden_nearby_m);
+}
+
+TEST(ResidualWatch, LedsThatAreKnockedLaterShow) {
+  constexpr int kRuns = 20;
+  double square = 0;
+  for (int run = 0; run < kRuns; ++run) {
+    Source source(6, 0, 0.1, static_cast<std::uint64_t>(run + 1));
+    const Eigen::VectorXd knocked =
+        Source(6, 0.001, 0.1, static_cast<std::uint64_t>(run + 1)).constant;
+    ResidualWatch watch;
+    for (int k = 0; k < 600; ++k) watch.add(source.next(0.1));
+    source.constant = knocked;
+    for (int k = 0; k < 120; ++k) watch.add(source.next(0.1));
+    square += watch.led_sd_m() * watch.led_sd_m() / kRuns;
+  }
+  EXPECT_GT(std::sqrt(square), 0.0003);
+  EXPECT_LT(std::sqrt(square), 0.0015);
+}
+
+// What a filter believes to know of the pose says nothing of the pictures.
+TEST(ResidualWatch, NoiseIsTheSameHoweverWellThePoseIsSaidToBeKnown) {
+  Source source(6, 0, 0.1, 3);
+  ResidualWatch sure, unsure;
+  for (int k = 0; k < 200; ++k) {
+    auto residuals = source.next(0.1);
+    for (auto& r : residuals) r.left = 0.2;
+    unsure.add(residuals);
+    for (auto& r : residuals) r.left = 1;
+    sure.add(residuals);
+  }
+  // By what the LEDs' means are known to, and no more.
+  EXPECT_NEAR(unsure.noise(), sure.noise(), 0.02 * sure.noise());
+}
+
+// An LED that something may cover in part claims a pixel; that its place is better than
+// that does not make the other places better.
+TEST(ResidualWatch, AClaimOfAnotherKindTellsNothingOfTheNoise) {
+  Source source(6, 0, 0.1, 3);
+  ResidualWatch watch;
+  double noise = 0;
+  constexpr int kPictures = 600;
+  for (int k = 0; k < kPictures; ++k) {
+    auto residuals = source.next(0.1);
+    residuals[1].variance_px2 = 2;
+    watch.add(residuals);
+    noise += watch.noise() / kPictures;
+  }
+  EXPECT_NEAR(noise, 1, 0.1);
 }
 
 TEST(ResidualWatch, ThreeLedsSayNothing) {
