@@ -13,7 +13,7 @@ namespace {
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
 using Vector6 = Eigen::Matrix<double, 6, 1>;
 
-constexpr double kTold = 6;  // directions: those of one picture of six LEDs
+constexpr double kTold = 6;             // directions: those of one picture of six LEDs
 constexpr double kLedLeast_m = 0.0001;  // nobody places LEDs better;
 constexpr double kLedFinest_m = 5e-6;   // finer, no picture tells of them
 // Of the claimed variances, in pictures of all kinds: from 0.3 to 1.2. Weighs like so
@@ -61,7 +61,8 @@ void ResidualWatch::learn_noise(std::span<const Residual> residuals) {
     A.noalias() += information * r.H.transpose() * r.H;
     g.noalias() += information * r.H.transpose() * off_px;
     square += information * off_px.squaredNorm();
-    expected += 2 + information * mean_noise_m2_[i] / (r.m_per_px * r.m_per_px) / noise_;
+    expected +=
+        2 + information * mean_noise_m2_[i] / (r.m_per_px * r.m_per_px) / noise_;
     first = first || mean_noise_m2_[i] == 0;
     ++count;
   }

@@ -41,7 +41,7 @@ class ResidualWatch {
   void learn_noise(std::span<const Residual> residuals);
   void learn_leds(std::span<const Residual> residuals);
 
-  std::array<Vector2, kMaxLeds> mean_m_;         // of each LED's residual,
+  std::array<Vector2, kMaxLeds> mean_m_;          // of each LED's residual,
   std::array<double, kMaxLeds> mean_noise_m2_{};  // and its variance; 0: not seen yet
   double noise_ = 1;
   double noise_told_ = 0;  // directions that told of it

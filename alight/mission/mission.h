@@ -153,6 +153,7 @@ class Mission {
   bool set_down(const MissionInput& in, Command& c, Output& out);
   void leave_pad(const MissionInput& in, Command& c, Output& out);
   bool sinks_beside(const MissionInput& in) const;
+  bool gone_meanwhile(const MissionInput& in);
   void land(const MissionInput& in, Command& c, Output& out);
   /// Gusts pass, and decks come round: better to wait above the pad than to touch
   /// beside its middle or on the edge of a foot.
@@ -188,7 +189,7 @@ class Mission {
   bool airborne_ = false;
   Time lifted_at_ = 0;
   double share_lifted_ = 0;  // of the nominal hover thrust, then
-  Time woke_ = 0;            // on the ramp, after a stall of the computer
+  Time woke_ = 0;            // in this state, after a stall of the computer
   Matrix3 R_rest_ = Matrix3::Identity();
   Vector3 p_rest_ = Vector3::Zero();  // where it stood before take-off
 

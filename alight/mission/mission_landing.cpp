@@ -39,6 +39,9 @@ constexpr Seconds kSinksOn = 0.25;
 constexpr double kFeetClear = 0.04;
 // So long after its autopilot has acted alone, s, a drone may be where that left it.
 constexpr Seconds kAloneLately = 0.5;
+// A drone on the pad is in sight of the camera. One that a computer which stood still
+// past the commit does not see again within this time is not there any more.
+constexpr Seconds kStandsInSight = 0.15;
 constexpr const char* kSetDown =
     "set-points did not arrive: its autopilot has set it down on the pad";
 constexpr const char* kNoOdometry = "no platform odometry comes";
@@ -295,6 +298,12 @@ bool Mission::sinks_beside(const MissionInput& in) const {
          height_soon(in) < gear_height_ + config_.commit_height_m - kRefusesBelow;
 }
 
+bool Mission::gone_meanwhile(const MissionInput& in) {
+  if (!in.computer_was_late || config_.start_on_floor) return false;
+  if (woke_ <= status_.since) woke_ = in.now;
+  return in.seen < woke_ && to_seconds(in.now - woke_) > kStandsInSight;
+}
+
 void Mission::land(const MissionInput& in, Command& c, Output& out) {
   if (overruled(in, out)) return;
   if (!committed_ && set_down(in, c, out)) return;
@@ -309,6 +318,10 @@ void Mission::land(const MissionInput& in, Command& c, Output& out) {
   if (committed_ && abort_wanted_ && !abort_told_) {
     abort_told_ = true;
     note("the operator aborted past the commit height: it lands", in, out);
+  }
+  if (committed_ && gone_meanwhile(in)) {
+    go(MissionState::lost_target, words_for(Blindness::computer).lost, in, out);
+    return;
   }
   if (committed_) touch_down_.feel(in, maneuver_);
   if (touch_down_.stands(in)) {

@@ -1975,6 +1975,35 @@ TEST(Mission, LedsLostWhileTheComputerStoodStillStayItsFault) {
             "the computer stood still, the LEDs are lost: the autopilot lands");
 }
 
+// Past the commit it may stand on the pad after a second without a computer, or have
+// slid off: in the first case the next picture shows it.
+TEST(Mission, NotSeenAfterTheComputerStoodStillItDoesNotStandOnThePad) {
+  for (const bool seen : {true, false}) {
+    SCOPED_TRACE(seen);
+    Flight f;
+    ASSERT_TRUE(f.reach(State::land));
+    for (int i = 0; i < 3000 && f.reason() != "past the commit height: it lands"; ++i) {
+      f.step();
+    }
+    ASSERT_EQ(f.reason(), "past the commit height: it lands");
+    f.miss(1);
+    f.computer_was_late = true;
+    f.blindness = Blindness::computer;
+    f.sight = false;
+    f.run(0.12);
+    EXPECT_EQ(f.state(), State::land);
+    f.sight = seen;
+    f.run(0.1);
+    if (seen) {
+      EXPECT_TRUE(f.until(State::complete));
+      continue;
+    }
+    EXPECT_EQ(f.state(), State::lost_target);
+    EXPECT_EQ(f.reason(), "the computer stood still");
+    EXPECT_EQ(f.orders_disarm, 0);
+  }
+}
+
 TEST(Mission, LedsLostAfterTheAutopilotActedAloneAreLostForWantOfSetPoints) {
   for (const Seconds until_lost : {0.4, 3.0}) {
     Flight f;
