@@ -34,6 +34,9 @@ constexpr double kRestlessGain = 0.05;  // share of what it is off that counts a
 // have, even where the covariance is true (sines and splines, flights of both
 // renderers).
 constexpr double kSmooth = 1.8;
+// Out of sight, what is left of a smooth movement adds up instead of averaging out:
+// from then on the process noise grows, by as much again in each such time.
+constexpr Seconds kGoesOnAlike = 0.05, kTurnsElsewhere = 0.1;
 // Six LEDs show six directions of their errors. What is learnt from these varies; the
 // mean of 1 / chi^2 of six degrees of freedom is 1.5 / 6.
 constexpr double kLedCaution = 1.2247;  // sqrt(1.5)
@@ -245,14 +248,15 @@ Result<void> RelativeFilter::predict_to(Time t, const PredictionInput& given) {
     noise.disturbance *= more;
     noise.updraught *= more;
   }
+  const double restless = restless_unseen(t);
   // However restless a drone is, its drag is its own.
-  if (config_.estimate_drag) noise.bias /= std::sqrt(restless_);
+  if (config_.estimate_drag) noise.bias /= std::sqrt(restless);
   const Transition transition(F);
   Matrix15 P = transition.carry(P_) +
-               restless_ * process_covariance(noise, dt, state_.x.R_NB.col(2),
-                                              config_.estimate_drag);
+               restless * process_covariance(noise, dt, state_.x.R_NB.col(2),
+                                             config_.estimate_drag);
   P.diagonal().head<9>().array() += config_.variance_per_frame * dt / kFrame;
-  const TurnRate turn = noise.turn > 0 ? predict_turn(dt, F, P) : turn_;
+  const TurnRate turn = noise.turn > 0 ? predict_turn(dt, restless, F, P) : turn_;
   if (!P.allFinite() || !next.x.p_NB.allFinite() || !next.x.R_NB.allFinite() ||
       !next.x.v_NB.allFinite() || !next.d_N.allFinite() || !next.b_N.allFinite()) {
     return fail(Fault::invalid_input);
@@ -275,7 +279,14 @@ RelativeFilter::TurnRate RelativeFilter::unknown_turn() {
   return turn;
 }
 
-RelativeFilter::TurnRate RelativeFilter::predict_turn(Seconds dt, const Matrix15& F,
+double RelativeFilter::restless_unseen(Time t) const {
+  if (config_.noise.turn <= 0 || updates_ == 0) return restless_;
+  const Seconds unseen = to_seconds(t - last_update_) - kGoesOnAlike;
+  return restless_ * (1 + std::max(unseen, 0.0) / kTurnsElsewhere);
+}
+
+RelativeFilter::TurnRate RelativeFilter::predict_turn(Seconds dt, double restless,
+                                                      const Matrix15& F,
                                                       Matrix15& P) const {
   // R turns by the rate: P += F C' B' + B C F' + B W B', with B = dt in the rows of R.
   const Eigen::Matrix<double, 15, 3> carried = F.lazyProduct(turn_.cross.transpose());
@@ -283,7 +294,7 @@ RelativeFilter::TurnRate RelativeFilter::predict_turn(Seconds dt, const Matrix15
   P.middleRows<3>(3) += dt * carried.transpose();
   P.block<3, 3>(3, 3) += dt * dt * turn_.P;
   const double kept = std::exp(-dt / kTurnMemory);
-  const double q2 = restless_ * config_.noise.turn * config_.noise.turn;
+  const double q2 = restless * config_.noise.turn * config_.noise.turn;
   TurnRate next;
   next.w = kept * turn_.w;
   next.cross = kept * carried.transpose();

@@ -163,7 +163,9 @@ class RelativeFilter {
         Eigen::Matrix<double, 3, 15>::Zero();  ///< Covariance with the state.
   };
   static TurnRate unknown_turn();
-  TurnRate predict_turn(Seconds dt, const Matrix15& F, Matrix15& P) const;
+  double restless_unseen(Time t) const;
+  TurnRate predict_turn(Seconds dt, double restless, const Matrix15& F,
+                        Matrix15& P) const;
   void learn_turn(const MotionState& next, const Matrix15& P);
   void learn_restlessness();
   void learn_velocity();
