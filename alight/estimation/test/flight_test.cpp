@@ -236,6 +236,38 @@ TEST(CameraOnly, TracksWithoutSetPoints) {
   EXPECT_EQ(e.failed, 0);
 }
 
+// How evenly it moved while it was seen says less and less of where it went since.
+TEST(CameraOnly, HalfASecondOutOfSightIsNotKnownTooSurely) {
+  constexpr int kFlights = 40, kSeen = 180, kDark = 30;
+  const Rig rig = alan_rig();
+  Flight flight;
+  flight.speed_m_s = 0;
+  double nees = 0;
+  for (int n = 0; n < kFlights; ++n) {
+    Rng rng(static_cast<std::uint64_t>(n + 1));
+    auto filter = RelativeFilter::create(RelativeFilterConfig::camera_only(),
+                                         rig.camera, rig.leds)
+                      .value();
+    const double begin = 0.37 * n;
+    filter.reset(from_seconds(begin), flight.state(begin), start_covariance());
+    for (int k = 1; k <= kSeen + kDark; ++k) {
+      const Time t = from_seconds(begin + k / 60.0);
+      ASSERT_TRUE(filter.predict_to(t, {}).has_value());
+      if (k > kSeen) continue;
+      ASSERT_TRUE(filter
+                      .update(picture(rig.camera, rig.leds,
+                                      flight.state(to_seconds(t)).X_NB(), t, 0.02, rng))
+                      .has_value());
+    }
+    const Vector9 e =
+        boxminus(flight.state(begin + (kSeen + kDark) / 60.0), filter.state());
+    const Eigen::Matrix<double, 6, 6> cov = filter.covariance().topLeftCorner<6, 6>();
+    nees += e.head<6>().dot(cov.llt().solve(e.head<6>())) / kFlights;
+  }
+  EXPECT_LT(nees, 11.5);
+  EXPECT_GT(nees, 1);
+}
+
 TEST(Depth, HelpsWhereItIsGood) {
   // With 2 mm of depth noise the range is better than from the picture alone.
   const Rig rig = alan_rig();
