@@ -548,6 +548,7 @@ void LandingSystem::step(const Input& input, Output& out, Probe* probe) {
     in.blindness = Blindness::odometry;
   }
   in.computer_was_late = p.sight.computer_was_late(input.now);
+  in.woke = p.sight.woke();
   in.platform = out.trace.platform;
   p.deck.add(input.now, p.platform, Vector3(0, 0, p.rig.drone.gear_height_m));
   FlatState over_pad;

@@ -17,6 +17,8 @@ constexpr Seconds kPatientFor = 8;
 constexpr Seconds kDisobeys = 1;
 // How long a refused drone that is armed all the same is told to disarm, s.
 constexpr Seconds kDisarmFor = 1;
+// So late it is heard at the latest that an order to arm has come through.
+constexpr Seconds kArmsYet = 0.5;
 // m from the reference: something has thrown it off its way, and what is asked for from
 // there on must be flyable from where it is. It brakes within the other.
 constexpr double kStrayed = 0.6;
@@ -418,9 +420,17 @@ bool Mission::alone_within(Seconds s, Time t) const {
   return failsafe_till_ > 0 && to_seconds(t - failsafe_till_) < s;
 }
 
+void Mission::stop_motors(const MissionInput& in, Command& c) {
+  c.order = AutopilotOrder::disarm;
+  c.mode = Command::Mode::silent;
+  last_order_ = in.now;
+  disarms_ = true;
+}
+
 // Later whoever arms has a reason for it.
 void Mission::disarm(const MissionInput& in, Command& c) {
-  disarms_ = disarms_ && in.telemetry_heard && in.armed && !pilot_flies(in) &&
+  const bool runs = in.armed || to_seconds(in.now - arm_told_) < kArmsYet;
+  disarms_ = disarms_ && in.telemetry_heard && runs && !pilot_flies(in) &&
              in_state(in) < kDisarmFor;
   if (disarms_) keep_ordering(AutopilotOrder::disarm, in, c);
 }

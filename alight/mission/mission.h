@@ -143,6 +143,9 @@ class Mission {
   Seconds in_state(const MissionInput& in) const;
 
   void idle(const MissionInput& in, Command& c, Output& out);
+  /// On the ground: at once, and until it is heard that they stand.
+  void stop_motors(const MissionInput& in, Command& c);
+  /// What has been begun so goes on.
   void disarm(const MissionInput& in, Command& c);
   void armed(const MissionInput& in, Command& c, Output& out);
   void taken_off(const MissionInput& in, Command& c, Output& out);
@@ -153,7 +156,7 @@ class Mission {
   bool set_down(const MissionInput& in, Command& c, Output& out);
   void leave_pad(const MissionInput& in, Command& c, Output& out);
   bool sinks_beside(const MissionInput& in) const;
-  bool gone_meanwhile(const MissionInput& in);
+  bool gone_meanwhile(const MissionInput& in) const;
   void land(const MissionInput& in, Command& c, Output& out);
   /// Gusts pass, and decks come round: better to wait above the pad than to touch
   /// beside its middle or on the edge of a foot.
@@ -189,7 +192,6 @@ class Mission {
   bool airborne_ = false;
   Time lifted_at_ = 0;
   double share_lifted_ = 0;  // of the nominal hover thrust, then
-  Time woke_ = 0;            // in this state, after a stall of the computer
   Matrix3 R_rest_ = Matrix3::Identity();
   Vector3 p_rest_ = Vector3::Zero();  // where it stood before take-off
 
@@ -230,6 +232,7 @@ class Mission {
   Time settled_since_ = 0;
   bool settling_ = false;
   Time last_order_ = 0;
+  Time arm_told_ = 0;
   // Planning.
   std::uint32_t plan_id_ = 0;
   bool plan_pending_ = false;

@@ -37,6 +37,7 @@ struct MissionInput {
   Blindness blindness = Blindness::leds;  ///< Why nothing newer is seen.
   bool picture_repeats = false;           ///< It equals the one before to the last bit.
   bool computer_was_late = false;         ///< The brain was not run for a while.
+  Time woke = 0;                          ///< When it ran again after the last stall.
   PlatformState platform;                 ///< At now.
   /// Specific force in N that keeps the drone at rest over the pad's middle, as
   /// predicted for kTouchAhead from now.

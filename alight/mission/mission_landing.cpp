@@ -298,10 +298,9 @@ bool Mission::sinks_beside(const MissionInput& in) const {
          height_soon(in) < gear_height_ + config_.commit_height_m - kRefusesBelow;
 }
 
-bool Mission::gone_meanwhile(const MissionInput& in) {
+bool Mission::gone_meanwhile(const MissionInput& in) const {
   if (!in.computer_was_late || config_.start_on_floor) return false;
-  if (woke_ <= status_.since) woke_ = in.now;
-  return in.seen < woke_ && to_seconds(in.now - woke_) > kStandsInSight;
+  return in.seen < in.woke && to_seconds(in.now - in.woke) > kStandsInSight;
 }
 
 void Mission::land(const MissionInput& in, Command& c, Output& out) {

@@ -113,13 +113,10 @@ void Mission::armed(const MissionInput& in, Command& c, Output& out) {
   }
   c.mode = Command::Mode::idle;
   if (abort_wanted_) {
-    c.order = AutopilotOrder::disarm;
-    disarms_ = true;
+    stop_motors(in, c);
     go(MissionState::refused, "the operator aborted before the start", in, out);
   } else if (hold_wanted_) {
-    c.order = AutopilotOrder::disarm;
-    c.mode = Command::Mode::silent;
-    disarms_ = true;
+    stop_motors(in, c);
     go(MissionState::idle, "the operator holds", in, out);
   } else if (in.armed && in.link->healthy(in.now)) {
     ++starts_;
@@ -127,13 +124,11 @@ void Mission::armed(const MissionInput& in, Command& c, Output& out) {
     ramp_most_ = config_.ramp_from;
     go(MissionState::taken_off, "armed: taking off", in, out);
   } else if (in_state(in) > config_.arm_timeout_s) {
-    c.order = AutopilotOrder::disarm;
-    c.mode = Command::Mode::silent;
-    disarms_ = true;
+    stop_motors(in, c);
     go(MissionState::refused,
        in.link->healthy(in.now) ? "the autopilot does not arm" : kUnhealthy, in, out);
   } else {
-    keep_ordering(AutopilotOrder::arm, in, c);
+    if (keep_ordering(AutopilotOrder::arm, in, c)) arm_told_ = in.now;
   }
 }
 
@@ -200,12 +195,13 @@ void Mission::taken_off(const MissionInput& in, Command& c, Output& out) {
       (stands || to_seconds(in.now - coming_down_since_) > kComingDownFor);
   if (abort_wanted_ || blind || in.link->lost(in.now) || !in.armed ||
       in_state(in) > limit) {
-    // From the floor it may fly unseen: only the autopilot can bring it down.
-    c.order = config_.start_on_floor ? AutopilotOrder::land : AutopilotOrder::disarm;
-    c.mode = Command::Mode::silent;
-    airborne_ = config_.start_on_floor;
-    disarms_ = !config_.start_on_floor;
-    last_order_ = in.now;
+    stop_motors(in, c);
+    if (config_.start_on_floor) {
+      // It may fly unseen: only the autopilot can bring it down.
+      c.order = AutopilotOrder::land;
+      disarms_ = false;
+      airborne_ = true;
+    }
     const char* reason = config_.start_on_floor
                              ? "never came into sight: the autopilot lands"
                              : "did not leave the ground";
@@ -242,9 +238,7 @@ void Mission::taken_over_on_ramp(double share, const MissionInput& in, Command& 
   const Seconds unsure = to_seconds(in.now - obeyed_till_);
   const double most = unsure < kJustTookOver ? std::min(ramp_most_, share) : share;
   if (most < kStillStands && starts_ < config_.starts_max) {
-    c.order = AutopilotOrder::disarm;
-    disarms_ = true;
-    last_order_ = in.now;
+    stop_motors(in, c);
     go(MissionState::idle, reason, in, out);
     return;
   }
@@ -257,8 +251,7 @@ void Mission::taken_over_on_ramp(double share, const MissionInput& in, Command& 
       lift(false, 0, in, c, out);
       return;
     }
-    if (woke_ <= status_.since) woke_ = in.now;
-    if (to_seconds(in.now - woke_) < kFirstPicture) {
+    if (to_seconds(in.now - in.woke) < kFirstPicture) {
       c.mode = Command::Mode::silent;
       return;
     }

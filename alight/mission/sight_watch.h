@@ -41,6 +41,8 @@ class SightWatch {
   Blindness why(Time now) const;
   /// The brain has not been run for a while, just before or a moment ago.
   bool computer_was_late(Time now) const;
+  /// When it was run again after the last such gap; 0: there was none.
+  Time woke() const { return stalled_ ? stalled_until_ : 0; }
 
  private:
   Seconds lateness_;

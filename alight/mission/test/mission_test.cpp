@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <iterator>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "alight/mission/into_view.h"
@@ -69,9 +70,13 @@ class Flight {
   RelativeState& x() { return x_; }
   const Rig& rig() const { return rig_; }
   bool armed() const { return armed_; }
+  void arm_late() { armed_ = true; }
 
   /// The computer stands still.
-  void miss(Seconds s) { now_ += from_seconds(s); }
+  void miss(Seconds s) {
+    now_ += from_seconds(s);
+    stood_still_ = true;
+  }
   void step() {
     now_ += kStep;
     LinkStatus status;
@@ -106,6 +111,8 @@ class Flight {
     in.motion_known = told_of ? now_ : seen_;
     in.blindness = blindness;
     in.computer_was_late = computer_was_late;
+    if (std::exchange(stood_still_, false)) woke_ = now_;
+    in.woke = woke_;
     in.picture_repeats = picture_repeats;
     in.miss_sd_m = miss_sd_m;
     in.platform.v_IN_N = Vector3(platform_speed, platform_slip, 0);
@@ -240,6 +247,8 @@ class Flight {
   bool ever_seen_ = false, telemetry_ = false;
   bool armed_ = false, armed_heard_ = false;
   AutopilotMode mode_heard_ = AutopilotMode::manual;
+  bool stood_still_ = false;
+  Time woke_ = 0;
   bool asked_ = false;
   Time answer_at_ = 0;
   PlanResult answer_;
@@ -487,6 +496,26 @@ TEST(Mission, AbortBeforeTheStartIsARefusal) {
     EXPECT_EQ(f.orders_land, 0);
     f.run(1);
     EXPECT_FALSE(f.armed());
+  }
+}
+
+// The order to arm is still on its way, and the first one to disarm lost.
+TEST(Mission, WhatArmsAfterItWasToldToDisarmIsToldAgain) {
+  for (const OperatorWish wish : {OperatorWish::abort, OperatorWish::hold}) {
+    Flight f;
+    f.arms = false;
+    ASSERT_TRUE(bring(f, State::armed));
+    f.step();
+    ASSERT_EQ(f.orders_arm, 1);
+    f.wish = wish;
+    f.run(0.2);
+    f.arm_late();
+    f.run(0.5);
+    EXPECT_FALSE(f.armed());
+    const int orders = f.orders_disarm;
+    f.run(2);
+    EXPECT_EQ(f.orders_disarm, orders);
+    EXPECT_EQ(f.state(), wish == OperatorWish::hold ? State::idle : State::refused);
   }
 }
 
@@ -1986,12 +2015,14 @@ TEST(Mission, NotSeenAfterTheComputerStoodStillItDoesNotStandOnThePad) {
       f.step();
     }
     ASSERT_EQ(f.reason(), "past the commit height: it lands");
-    f.miss(1);
     f.computer_was_late = true;
     f.blindness = Blindness::computer;
+    f.miss(0.2);
+    f.run(0.02);
     f.sight = false;
+    f.miss(0.2);
     f.run(0.12);
-    EXPECT_EQ(f.state(), State::land);
+    EXPECT_EQ(f.state(), State::land) << "stood still again";
     f.sight = seen;
     f.run(0.1);
     if (seen) {

@@ -56,6 +56,7 @@ TEST(SightWatch, AStallIsBlamedOnTheComputerAndForgotten) {
     c.run(100);
     c.now += (stalled - 1) * kStep;
     c.run(1);
+    const Time again = c.now;
     const bool late = stalled > 15;
     EXPECT_EQ(c.watch.computer_was_late(c.now), late) << stalled;
     EXPECT_EQ(c.watch.why(c.now) == Blindness::computer, late) << stalled;
@@ -64,6 +65,7 @@ TEST(SightWatch, AStallIsBlamedOnTheComputerAndForgotten) {
     c.run(20);
     EXPECT_FALSE(c.watch.computer_was_late(c.now));
     EXPECT_EQ(c.watch.why(c.now), Blindness::leds);
+    EXPECT_EQ(c.watch.woke(), late ? again : 0);
   }
 }
 

@@ -70,7 +70,7 @@ class Study:
 
 
 def nees_studies(quick):
-    seeds, frames = (40, 120) if quick else (200, 300)
+    seeds, frames = (40, 120) if quick else (200, 600)
     return [Study(kind, seeds, ["--kind", kind, "--frames", frames])
             for kind in ("clean", "hard")] + [
         Study("infrared", 10 if quick else 40, ["--frames", frames], INFRARED)]
