@@ -488,7 +488,9 @@ bool RelativeEstimator::accept(const LedFrame& leds, std::size_t agreeing,
   const bool vague = (lost || misses_ > 0) && leds.led_count() < config_.search_leds;
   if (rms_max_px < kAnyFit || lost || vague) before = filter_;
   LedInformation told;
-  const bool telling = config_.learn_led_errors && !expecting_;
+  // Lights that are yet to be confirmed may be none of its LEDs.
+  const bool teaches = !expecting_ && !missed(leds.t);
+  const bool telling = config_.learn_led_errors && teaches;
   // What goes on contradicting is no lamp that passes, but LEDs that are off.
   const double most_px = expecting_ ? 0 : misfit_max_px();
   const bool strict = contradictions_ < kContradictions;
@@ -553,7 +555,7 @@ bool RelativeEstimator::accept(const LedFrame& leds, std::size_t agreeing,
     fits_ = std::min(fits_ + 1, kUsualMemory);
     misfit_ += (misfit - misfit_) / fits_;
   }
-  if (out.tracked && config_.learn_leds && !expecting_) learn_leds(leds, *report);
+  if (out.tracked && config_.learn_leds && teaches) learn_leds(leds, *report);
   if (out.tracked && telling && !report->contradicts &&
       static_cast<std::size_t>(leds.led_count()) >= kTellingLeds) {
     learn_led_errors(told, leds.t);

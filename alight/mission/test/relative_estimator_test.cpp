@@ -696,6 +696,34 @@ TEST(RelativeEstimator, LightsThatAreNotConfirmedChangeNothing) {
       1e-9);
 }
 
+// Nor do they tell where its LEDs are: what was learnt from lamps would throw the
+// prediction off, the farther the longer ago it was seen.
+TEST(RelativeEstimator, LightsThatAreNotConfirmedTeachNothing) {
+  Watch w(RelativeEstimatorConfig{}), unaware(RelativeEstimatorConfig{});
+  const auto fuse = [&](Watch& watch, unsigned which) {
+    watch.now += kFrame;
+    watch.look(watch.now, which);
+  };
+  for (Watch* watch : {&w, &unaware}) {
+    watch->follow(60);
+    for (int i = 0; i < 100; ++i) fuse(*watch, 0);
+    ASSERT_GT(watch->estimator.filter().position_sd(), 0.15);
+  }
+  for (int i = 0; i < w.truth.leds.size(); ++i) {
+    w.truth.leds.leds[static_cast<std::size_t>(i)].p_BL +=
+        1e-4 * Vector3(2 * (i % 3), i, -1.5 * (i % 2));
+  }
+  fuse(w, 0x1f);
+  EXPECT_FALSE(w.report.tracked);
+  EXPECT_EQ(w.report.leds.size(), 5u);
+  fuse(unaware, 0);
+  for (Watch* watch : {&w, &unaware}) fuse(*watch, 0);
+  EXPECT_LT(
+      (w.estimator.filter().state().p_NB - unaware.estimator.filter().state().p_NB)
+          .norm(),
+      1e-9);
+}
+
 // An edge moves over the LEDs of a drone that stands still: it hides them one by one,
 // each half before it is gone. What halves tell is no speed.
 TEST(RelativeEstimator, WhatHidesLedsMakesNoSpeed) {
