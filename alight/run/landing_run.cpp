@@ -268,6 +268,7 @@ class Loop {
   std::deque<DepthBuffer> depths_;
   std::vector<TruthState> frame_truth_;
   std::uint64_t next_picture_ = 0;
+  Time last_received_ = 0;
   bool said_go_ = false;
   bool said_hold_ = false;
   Time operator_heard_ = 0;  // up to then what faults make the operator say was said
@@ -313,8 +314,12 @@ void Loop::hand_over(Exposure e) {
   if (const auto* late = world_->fault(FaultKind::camera_late, t)) {
     e.received += from_seconds(1e-3 * late->late_ms);
   }
+  // None overtakes the one before, whose copy comes with it at the latest.
+  e.received = std::max(e.received, last_received_);
+  last_received_ = e.received;
   if (!exposures_.empty()) {
-    e.received = std::max(e.received, exposures_.back().received);
+    Time& before = exposures_.back().received;
+    before = std::min(before, e.received);
   }
   exposures_.push_back(e);
   if (world_->fault(FaultKind::camera_repeat, t) != nullptr) {

@@ -73,6 +73,24 @@ TEST(LandingFaults, PicturesAreLateAndStayInOrder) {
   EXPECT_LE(late, 31);
 }
 
+TEST(LandingFaults, PicturesThatComeTwiceStayLateNoLongerThanOthers) {
+  LandingRunOptions options = test::options_of("still", 3);
+  options.timeout_s = 2;
+  options.scenario.faults = {
+      {.kind = FaultKind::camera_late, .at_s = 0.5, .for_s = 0.5, .late_ms = 150},
+      {.kind = FaultKind::camera_repeat, .at_s = 0.5, .for_s = 1.5}};
+  Watch seen;
+  ASSERT_TRUE(run_landing(options, &seen));
+  Time received = 0;
+  for (const auto& p : seen.pictures) {
+    EXPECT_GE(p.received, received);
+    received = p.received;
+    if (p.captured < from_seconds(1.2)) continue;
+    EXPECT_LT(p.received - p.captured, from_seconds(0.05));
+  }
+  EXPECT_GT(within(seen, 1.2, 1.9), 80);
+}
+
 TEST(LandingFaults, AFrozenPictureStaysTheSameUnderNewTimes) {
   const Watch seen = watch(FaultKind::camera_freeze);
   std::map<std::uint64_t, int> same;
