@@ -28,6 +28,9 @@ constexpr double kEdge = 4, kEdgePull2 = 6;
 // What a model of lights lacks moves those that run together: the variance of their
 // places, by that of lights with as much noise alone.
 constexpr double kTogether = 1.35;
+// An edge covers parts of so many LEDs at once; where more are unlike LEDs they are
+// blurred, all of them, and their middles still tell.
+constexpr int kCoveredAtOnce = 2;
 constexpr int kHoldMargin = 1;        // px around a lamp that its light reaches
 constexpr double kHoldGate = 3;       // standard deviations, besides
 constexpr double kHoldSlack = 0.4;    // px
@@ -129,7 +132,8 @@ struct LedResolver::Patch {
   Patch() {}  // Leaves the room for a fit as it is: a list of patches is large.
 
   FixedVector<int, kMaxLeds> members;
-  double area_px = 0;  ///< Of the largest of its blobs; 0: none.
+  double area_px = 0;   ///< Of the largest of its blobs; 0: none.
+  bool unlike = false;  ///< Nothing like its LEDs was found in it.
   std::optional<SpotFit> fit;
 };
 
@@ -365,9 +369,10 @@ void LedResolver::fit(Look& look, Patch& patch) const {
     };
     if (std::any_of(starts.begin(), starts.end(), near)) beside.push_back(light);
   }
-  auto found = fit_spots(
-      look.image, {starts.data(), starts.size()}, {heights.data(), heights.size()},
-      spread_, blur, {foreign.data(), foreign.size()}, {beside.data(), beside.size()});
+  auto found = fit_spots(look.image, {starts.data(), starts.size()},
+                         {heights.data(), heights.size()}, spread_, blur,
+                         {foreign.data(), foreign.size()},
+                         {beside.data(), beside.size()}, &patch.unlike);
   if (!found) return;
   if (patch.area_px == 0 &&
       (found->height[0] < kDimLeast * std::sqrt(spread_.noise_variance / kNoiseUsual) ||
@@ -497,6 +502,10 @@ void LedResolver::resolve(const ImageView& image, BlobSpan blobs,
   }
   const auto collect = [&] {
     LedFrame out;
+    const bool covered =
+        std::count_if(patches.begin(), patches.end(), [&](const Patch& patch) {
+          return misshapen(patch);
+        }) <= kCoveredAtOnce;
     for (const Patch& patch : patches) {
       if (patch.fit) {
         add(patch, blobs, match, out);
@@ -515,7 +524,7 @@ void LedResolver::resolve(const ImageView& image, BlobSpan blobs,
             continue;
           }
           const Blob& blob = blobs[static_cast<std::size_t>(j)];
-          if (runs_on(blob, blur_px[n])) continue;
+          if (runs_on(blob, blur_px[n]) || (covered && misshapen(patch))) continue;
           out.seen.push_back(o);
           out.seen.back().cov += displacement(first, blob);
         }
@@ -637,6 +646,7 @@ std::optional<LedFrame> LedResolver::follow(const ImageView& image, BlobSpan blo
     if (patch.members.size() > 1) return std::nullopt;
     const Blob& blob = blobs[static_cast<std::size_t>(match.blob[n])];
     if (patch.area_px <= config_.area_max_px && !blob.saturated) return std::nullopt;
+    if (misshapen(patch)) return std::nullopt;
     if (runs_on(blob, blur_px[n])) return std::nullopt;
     LedObservation o;
     o.leds = static_cast<std::uint16_t>(1u << n);
@@ -666,6 +676,11 @@ std::optional<LedFrame> LedResolver::follow(const ImageView& image, BlobSpan blo
   lit_ = lit;
   learn_from(look, patches);
   return out;
+}
+
+bool LedResolver::misshapen(const Patch& patch) const {
+  const auto led = static_cast<std::size_t>(patch.members[0]);
+  return !patch.fit && patch.unlike && heights_[led] > 0;
 }
 
 bool LedResolver::is_its_own(const Blob& blob, int led, const Vector2& blur_px) const {

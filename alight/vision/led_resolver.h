@@ -106,6 +106,9 @@ class LedResolver {
   void compare_lights(const Look& look, const Patches& patches, const Pose& X_NB);
   /// What part of a large light that is covered does to its place, px^2.
   Matrix2 displacement(int led, const Blob& blob) const;
+  /// An LED that has been told by its pixels, and is none by them now: something covers
+  /// part of it, and what is left of it is not where it is.
+  bool misshapen(const Patch& patch) const;
   bool is_its_own(const Blob& blob, int led, const Vector2& blur_px) const;
 
   LedResolverConfig config_;

@@ -489,7 +489,8 @@ std::optional<SpotFit> fit_spots(const ImageView& image,
                                  std::span<const double> heights,
                                  const PointSpread& spread, const Vector2& blur_px,
                                  std::span<const ForeignLight> foreign,
-                                 std::span<const LightBeside> beside) {
+                                 std::span<const LightBeside> beside, bool* unlike) {
+  if (unlike != nullptr) *unlike = false;
   if (starts.empty() || starts.size() > kMaxGroup) return std::nullopt;
   Pixels pixels;
   if (!gather(image, starts, spot_reach_px(spread, blur_px),
@@ -498,16 +499,20 @@ std::optional<SpotFit> fit_spots(const ImageView& image,
   }
   if (full_share(pixels) > kFullMost) return std::nullopt;
   take_off(beside, spread, blur_px, pixels);
-  switch (starts.size()) {
-    case 1:
-      return fit<1>(pixels, starts, heights, spread, blur_px);
-    case 2:
-      return fit<2>(pixels, starts, heights, spread, blur_px);
-    case 3:
-      return fit<3>(pixels, starts, heights, spread, blur_px);
-    default:
-      return fit<4>(pixels, starts, heights, spread, blur_px);
-  }
+  const auto found = [&] {
+    switch (starts.size()) {
+      case 1:
+        return fit<1>(pixels, starts, heights, spread, blur_px);
+      case 2:
+        return fit<2>(pixels, starts, heights, spread, blur_px);
+      case 3:
+        return fit<3>(pixels, starts, heights, spread, blur_px);
+      default:
+        return fit<4>(pixels, starts, heights, spread, blur_px);
+    }
+  }();
+  if (unlike != nullptr) *unlike = !found;
+  return found;
 }
 
 std::optional<SkirtLook> look_at_skirt(const ImageView& image, const Vector2& middle,

@@ -75,12 +75,15 @@ struct SpotFit {
 ///          as they were thought to reach, for then any place fits.
 /// @param heights  As SpotFit::height where they are expected; 0 or none: unknown.
 /// @param beside   Others like them whose light reaches here.
+/// @param unlike   Receives whether that is why nothing is returned: what is found is
+///                 none of the expected.
 std::optional<SpotFit> fit_spots(const ImageView& image,
                                  std::span<const Vector2> starts,
                                  std::span<const double> heights,
                                  const PointSpread& spread, const Vector2& blur_px,
                                  std::span<const ForeignLight> foreign,
-                                 std::span<const LightBeside> beside = {});
+                                 std::span<const LightBeside> beside = {},
+                                 bool* unlike = nullptr);
 
 /// What the Gaussians of lights leave around one of them.
 struct SkirtLook {
