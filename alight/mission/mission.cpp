@@ -320,6 +320,10 @@ bool Mission::watch_battery(const MissionInput& in, Output& out) {
   return false;
 }
 
+bool Mission::battery_empty(const MissionInput& in) const {
+  return battery_low_ && in.battery < config_.safety.battery_empty;
+}
+
 MissionCommand Mission::step(const MissionInput& in, Output& out) {
   assert(in.link != nullptr);
   MissionCommand c;

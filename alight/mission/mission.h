@@ -94,6 +94,8 @@ class Mission {
   bool overruled(const MissionInput& in, Output& out);
   bool pilot_flies(const MissionInput& in) const;
   bool watch_battery(const MissionInput& in, Output& out);
+  /// For sure: what does not land now is left to its autopilot.
+  bool battery_empty(const MissionInput& in) const;
   void stop_over_ground(const MissionInput& in);
   /// In N: with which a blind drone is left to its autopilot, m/s.
   Vector3 left_with_over_ground(const MissionInput& in) const;

@@ -355,7 +355,8 @@ void Mission::land(const MissionInput& in, Command& c, Output& out) {
       go(MissionState::hold, "the operator holds", in, out);
     } else if (unseen(in) > config_.sight_lost_s) {
       go(MissionState::lost_target, words_for(in.blindness).lost, in, out);
-    } else if (too_vague(in) && unseen(in) < kFreshSight && config_.cut_height_m <= 0) {
+    } else if (too_vague(in) && unseen(in) < kFreshSight && config_.cut_height_m <= 0 &&
+               !battery_empty(in)) {
       go(MissionState::go_around, "too few LEDs are seen to land by", in, out);
     } else if (error.norm() > config_.go_around_error_m) {
       go(MissionState::go_around,

@@ -1082,6 +1082,22 @@ TEST(Mission, WhatIsKnownTooVaguelyIsNotLandedBy) {
   }
 }
 
+// To go around with an empty battery is to be left to its autopilot over the platform.
+TEST(Mission, WithAnEmptyBatteryAVagueLandingGoesOn) {
+  for (const double battery : {0.1, 0.03}) {
+    SCOPED_TRACE(battery);
+    Flight f;
+    ASSERT_TRUE(f.reach(State::land));
+    f.battery = battery;
+    f.run(0.5);
+    ASSERT_EQ(f.reason(), "the battery is low: the landing goes on");
+    f.miss_sd_m = 0.06;
+    f.run(0.3);
+    EXPECT_EQ(f.state(), battery < 0.05 ? State::land : State::go_around);
+    if (battery < 0.05) EXPECT_TRUE(f.until(State::complete));
+  }
+}
+
 TEST(Mission, ACommittedLandingGoesOnHoweverVague) {
   Flight f;
   ASSERT_TRUE(f.reach(State::land));
