@@ -215,6 +215,32 @@ TEST(SpotFit, FindsTheSkirt) {
   EXPECT_FALSE(look_at_skirt(image, at_the_edge.uv, {&at_the_edge, 1}, kSpread));
 }
 
+// What an edge leaves of a light is none; a light that is full everywhere may be one.
+TEST(SpotFit, SaysWhetherWhatItFindsIsUnlikeALight) {
+  Rng rng(11);
+  const Vector2 uv(50.3, 39.8);
+  const struct {
+    double peak, sd;
+    int covered_to;  // column
+    bool found, unlike;
+  } cases[] = {{200, 1, 0, true, false},
+               {700, 1, 51, false, true},
+               {4000, 4, 0, false, false}};
+  for (const auto& c : cases) {
+    SCOPED_TRACE(c.peak);
+    Picture picture(3, 100, 80);
+    picture.add(uv, LedColor::green, c.peak, c.sd);
+    (void)picture.expose(rng);
+    if (c.covered_to > 0) picture.cover_left_of(c.covered_to, uv, 20);
+    bool unlike = !c.unlike;
+    EXPECT_EQ(fit_spots(picture.view(), {&uv, 1}, {}, kSpread, Vector2::Zero(), {}, {},
+                        &unlike)
+                  .has_value(),
+              c.found);
+    EXPECT_EQ(unlike, c.unlike);
+  }
+}
+
 TEST(SpotFit, RefusesWhatIsNotThere) {
   Rng rng(5);
   Picture picture(3, 100, 80);
