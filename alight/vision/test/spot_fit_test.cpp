@@ -223,9 +223,8 @@ TEST(SpotFit, SaysWhetherWhatItFindsIsUnlikeALight) {
     double peak, sd;
     int covered_to;  // column
     bool found, unlike;
-  } cases[] = {{200, 1, 0, true, false},
-               {700, 1, 51, false, true},
-               {4000, 4, 0, false, false}};
+  } cases[] = {
+      {200, 1, 0, true, false}, {700, 1, 51, false, true}, {4000, 4, 0, false, false}};
   for (const auto& c : cases) {
     SCOPED_TRACE(c.peak);
     Picture picture(3, 100, 80);
