@@ -1094,7 +1094,9 @@ TEST(Mission, WithAnEmptyBatteryAVagueLandingGoesOn) {
     f.miss_sd_m = 0.06;
     f.run(0.3);
     EXPECT_EQ(f.state(), battery < 0.05 ? State::land : State::go_around);
-    if (battery < 0.05) EXPECT_TRUE(f.until(State::complete));
+    if (battery < 0.05) {
+      EXPECT_TRUE(f.until(State::complete));
+    }
   }
 }
 

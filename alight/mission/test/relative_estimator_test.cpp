@@ -128,6 +128,11 @@ struct Watch {
     now += kFrame;
     return fuse(now);
   }
+  /// Pictures in a row without the drone.
+  void miss(int pictures) {
+    picture.clear();
+    for (int i = 0; i < pictures; ++i) again();
+  }
   /// Pictures in a row, all tracked.
   void follow(int pictures) {
     for (int i = 0; i < pictures; ++i) {
@@ -659,13 +664,7 @@ TEST(RelativeEstimator, FewLedsSeenAgainMustBeConfirmed) {
   const auto config = Watch::config_for_tests();
   Watch w;
   w.follow(30);
-  const auto miss = [&](int pictures) {
-    for (int i = 0; i < pictures; ++i) {
-      w.picture.clear();
-      w.fuse(w.now += kFrame);
-    }
-  };
-  miss(config.misses_before_search);
+  w.miss(config.misses_before_search);
   for (int i = 1; i <= config.search_confirmations; ++i) {
     w.now += kFrame;
     w.look(w.now, 0x0f);
@@ -673,55 +672,47 @@ TEST(RelativeEstimator, FewLedsSeenAgainMustBeConfirmed) {
   }
 }
 
+/// By how much one picture, of the LEDs `which` to the one and of none to the other,
+/// moves the drone's place once there are dark ones again.
+double moved_by(Watch& w, Watch& unaware, unsigned which) {
+  const auto fuse = [](Watch& watch, unsigned leds) {
+    watch.now += kFrame;
+    watch.look(watch.now, leds);
+  };
+  fuse(w, which);
+  EXPECT_FALSE(w.report.tracked);
+  EXPECT_EQ(static_cast<int>(w.report.leds.size()), std::popcount(which));
+  fuse(unaware, 0);
+  for (Watch* watch : {&w, &unaware}) fuse(*watch, 0);
+  return (w.estimator.filter().state().p_NB - unaware.estimator.filter().state().p_NB)
+      .norm();
+}
+
 // Four lights that are gone again were none of its LEDs.
 TEST(RelativeEstimator, LightsThatAreNotConfirmedChangeNothing) {
   const auto config = Watch::config_for_tests();
   Watch w, unaware;
-  const auto fuse = [&](Watch& watch, unsigned which) {
-    watch.now += kFrame;
-    watch.look(watch.now, which);
-  };
   for (Watch* watch : {&w, &unaware}) {
     watch->follow(30);
-    for (int i = 0; i < config.misses_before_search; ++i) fuse(*watch, 0);
+    watch->miss(config.misses_before_search);
   }
-  fuse(w, 0x0f);
-  EXPECT_FALSE(w.report.tracked);
-  EXPECT_FALSE(w.report.leds.empty());
-  fuse(unaware, 0);
-  for (Watch* watch : {&w, &unaware}) fuse(*watch, 0);
-  EXPECT_LT(
-      (w.estimator.filter().state().p_NB - unaware.estimator.filter().state().p_NB)
-          .norm(),
-      1e-9);
+  EXPECT_LT(moved_by(w, unaware, 0x0f), 1e-9);
 }
 
 // Nor do they tell where its LEDs are: what was learnt from lamps would throw the
 // prediction off, the farther the longer ago it was seen.
 TEST(RelativeEstimator, LightsThatAreNotConfirmedTeachNothing) {
   Watch w(RelativeEstimatorConfig{}), unaware(RelativeEstimatorConfig{});
-  const auto fuse = [&](Watch& watch, unsigned which) {
-    watch.now += kFrame;
-    watch.look(watch.now, which);
-  };
   for (Watch* watch : {&w, &unaware}) {
     watch->follow(60);
-    for (int i = 0; i < 100; ++i) fuse(*watch, 0);
+    watch->miss(100);
     ASSERT_GT(watch->estimator.filter().position_sd(), 0.15);
   }
-  for (int i = 0; i < w.truth.leds.size(); ++i) {
-    w.truth.leds.leds[static_cast<std::size_t>(i)].p_BL +=
-        1e-4 * Vector3(2 * (i % 3), i, -1.5 * (i % 2));
+  for (std::size_t i = 0; i < w.truth.leds.leds.size(); ++i) {
+    const auto n = static_cast<double>(i % 3);
+    w.truth.leds.leds[i].p_BL += 1e-4 * Vector3(2 * n, 3 - n, -1.5 * n);
   }
-  fuse(w, 0x1f);
-  EXPECT_FALSE(w.report.tracked);
-  EXPECT_EQ(w.report.leds.size(), 5u);
-  fuse(unaware, 0);
-  for (Watch* watch : {&w, &unaware}) fuse(*watch, 0);
-  EXPECT_LT(
-      (w.estimator.filter().state().p_NB - unaware.estimator.filter().state().p_NB)
-          .norm(),
-      1e-9);
+  EXPECT_LT(moved_by(w, unaware, 0x1f), 1e-9);
 }
 
 // An edge moves over the LEDs of a drone that stands still: it hides them one by one,
