@@ -110,6 +110,7 @@ class Mission {
   double ramp_rate(const MissionInput& in) const;  // 1/s
   bool stood(const MissionInput& in);
   bool lifts_off(const MissionInput& in) const;
+  bool still_stands(const MissionInput& in) const;
   bool misses_pictures(const MissionInput& in) const;
   bool lost_as_it_lifts(const MissionInput& in) const;
   void come_down(bool for_the_link, const MissionInput& in);

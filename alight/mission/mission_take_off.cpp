@@ -141,6 +141,10 @@ void Mission::taken_off(const MissionInput& in, Command& c, Output& out) {
   if (airborne_) {
     if (overruled(in, out)) return;
     c.mode = Command::Mode::track;
+    if (still_stands(in)) {
+      c.ramp_share = share_lifted_;
+      lift(false, 0, in, c, out);
+    }
     leave_ground(in, c);
     if (!fresh && unseen(in) > config_.sight_lost_s) {
       go(MissionState::lost_target, words_for(in.blindness).lost, in, out);
@@ -301,6 +305,13 @@ void Mission::come_down(bool for_the_link, const MissionInput& in) {
 bool Mission::lifts_off(const MissionInput& in) const {
   return status_.state == MissionState::taken_off && airborne_ &&
          !config_.start_on_floor && to_seconds(in.now - lifted_at_) <= kLeavesIn;
+}
+
+// While the computer stood still its autopilot set it down again, or it never left: the
+// ground carries it, and thrust that is less than its weight moves nothing.
+bool Mission::still_stands(const MissionInput& in) const {
+  return !config_.start_on_floor && in.woke > lifted_at_ && in.seen > in.woke &&
+         in.x_seen.p_NB.z() - p_rest_.z() <= kLeft;
 }
 
 bool Mission::misses_pictures(const MissionInput& in) const {

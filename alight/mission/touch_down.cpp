@@ -37,6 +37,7 @@ constexpr Seconds kCarriedFor = 0.08;
 
 // Set down by its autopilot it rests, m/s: what slides trips once its motors stop.
 constexpr double kAtRest = 0.1;
+constexpr double kRestsLevelDeg = 7;  // with the pad; on two of its feet it falls over
 
 constexpr Seconds kFlareIsSet = 0.4;  // before the end,
 constexpr double kWaits = 0.1;        // unless it waits: at a pace below this
@@ -228,7 +229,10 @@ double TouchDown::thrust_share(Time now) const {
 bool TouchDown::was_set_down(const MissionInput& in) {
   const RelativeState& x = in.x_seen;
   const double reach = off_middle(x.p_NB) + foot_spread();
-  if (!carried(in) || reach > pad_half_ || x.v_NB.norm() > kAtRest) return false;
+  const bool level = x.R_NB(2, 2) > std::cos(kRestsLevelDeg * kDegree);
+  if (!carried(in) || reach > pad_half_ || x.v_NB.norm() > kAtRest || !level) {
+    return false;
+  }
   p_touch_ = x.p_NB;
   return true;
 }

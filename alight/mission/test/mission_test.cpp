@@ -895,12 +895,14 @@ TEST(Mission, WhatItsAutopilotHasSetDownOnThePadStaysThere) {
     double from, x, speed;
     AutopilotMode mode;
     bool stays;
+    double leans_deg = 0;
   } cases[] = {
-      {0.2, 0.05, 0, AutopilotMode::failsafe, true},
-      {0.5, 0.05, 0, AutopilotMode::failsafe, true},     // it goes around meanwhile
-      {0.2, 0.19, 0, AutopilotMode::failsafe, false},    // a foot off the pad's edge
-      {0.2, 0.05, 0.4, AutopilotMode::failsafe, false},  // stopped it would trip
-      {0.2, 0.05, 0, AutopilotMode::offboard, false},    // it is there as told
+      {0.2, 0.05, 0, AutopilotMode::failsafe, true, 4},
+      {0.5, 0.05, 0, AutopilotMode::failsafe, true},       // it goes around meanwhile
+      {0.2, 0.19, 0, AutopilotMode::failsafe, false},      // a foot off the pad's edge
+      {0.2, 0.05, 0.4, AutopilotMode::failsafe, false},    // stopped it would trip
+      {0.2, 0.05, 0, AutopilotMode::failsafe, false, 11},  // or fall over
+      {0.2, 0.05, 0, AutopilotMode::offboard, false},      // it is there as told
   };
   for (const auto& c : cases) {
     SCOPED_TRACE(testing::Message() << c.from << " " << c.x << " " << c.speed);
@@ -911,6 +913,7 @@ TEST(Mission, WhatItsAutopilotHasSetDownOnThePadStaysThere) {
     for (int i = 0; i < 20 && f.state() != State::complete; ++i) {
       f.x().p_NB = Vector3(c.x, 0, f.rig().drone.gear_height_m + 0.004);
       f.x().v_NB = Vector3(-c.speed, 0, 0);
+      f.x().R_NB = so3_exp(Vector3(0, c.leans_deg * kDegree, 0));
       f.step();
       if (i == 5) {
         EXPECT_EQ(f.orders_disarm, 0) << "it may be passing by";
@@ -2393,6 +2396,37 @@ TEST(Mission, ATakeOffGoesOnWhereOnlyTheComputerStoodStill) {
     EXPECT_NEAR(f.c.thrust_least, had, 0.03);
     EXPECT_EQ(f.orders_disarm, 0);
     EXPECT_TRUE(f.until(State::follow, 20));
+  }
+}
+
+// It had just lifted. Where its autopilot has brought it down meanwhile, its thrust is
+// to grow again: what the ground carries seems to need none.
+TEST(Mission, WhatStandsAgainAfterTheComputerStoodStillIsLiftedAnew) {
+  for (const bool stands : {true, false}) {
+    SCOPED_TRACE(stands);
+    Flight f;
+    f.lifts = false;
+    f.slid = Vector3(1.1 * MissionConfig{}.slip_m, 0, 0);
+    ASSERT_TRUE(f.reach(State::taken_off));
+    while (!f.c.lifted) f.step();
+    const double had = f.c.ramp_share;
+    f.miss(1);
+    f.computer_was_late = true;
+    const auto step = [&] {
+      f.x().p_NB = Vector3(0, 0, f.rig().drone.gear_height_m + (stands ? 0.003 : 0.1));
+      f.x().v_NB.setZero();
+      f.step();
+    };
+    step();
+    EXPECT_FALSE(f.c.lifted) << "no picture since";
+    step();
+    EXPECT_EQ(f.state(), State::taken_off);
+    EXPECT_EQ(f.c.lifted, stands);
+    if (stands) {
+      EXPECT_GE(f.c.thrust_least, had);
+    }
+    step();
+    EXPECT_FALSE(f.c.lifted) << "once";
   }
 }
 
