@@ -311,7 +311,8 @@ bool Mission::lifts_off(const MissionInput& in) const {
 // ground carries it, and thrust that is less than its weight moves nothing.
 bool Mission::still_stands(const MissionInput& in) const {
   return !config_.start_on_floor && in.woke > lifted_at_ && in.seen > in.woke &&
-         in.x_seen.p_NB.z() - p_rest_.z() <= kLeft;
+         std::abs(in.x_seen.p_NB.z() - p_rest_.z()) <= kLeft &&
+         off_middle(in.x_seen.p_NB) < pad_half_;
 }
 
 bool Mission::misses_pictures(const MissionInput& in) const {
