@@ -26,8 +26,8 @@ struct LandingConfig {
   PidControllerConfig pid;
 
   bool delay_compensation = true;  ///< Acts for when a set-point takes effect.
-  bool dead_reckoning = true;    ///< Unseen while no pictures come, the drone is where
-                                 ///< its own velocity has taken it (DeadReckoning).
+  bool dead_reckoning = true;    ///< Unseen, the drone is where its own velocity has
+                                 ///< taken it (DeadReckoning).
   double event_age_max_s = 0.5;  ///< Older events are counted and refused.
   double heading_smoothing = 0.05;  ///< Share of the newest heading difference.
   // The odometry's share in the pose the autopilot is sent.

@@ -29,7 +29,8 @@ constexpr double kSquareUpMost = 6 * kDegree;  // more would throw it to the sid
 // in 5 m/s of wind 2 were lost sight of, 8 without).
 constexpr double kFeetHold = 0.5;
 constexpr double kLiftTrust = 0.3;  // share of what lift-off says of the thrust
-// Pictures that still come are to find the filter where they were taken.
+// Pictures that still come are to find the filter where they were taken; where they do
+// come, only they carry it on.
 constexpr Seconds kReckonedLate = 0.12;
 constexpr Time kFuture = 5'000'000;  // ns; clocks agree no better than this
 
@@ -268,9 +269,10 @@ void LandingSystem::Parts::watch_floor(const AutopilotTelemetry& t) {
 }
 
 void LandingSystem::Parts::reckon(Time now) {
-  if (!dark(sight.why(now))) return;
+  const Time until = dark(sight.why(now)) ? now - from_seconds(kReckonedLate)
+                                          : estimator.filter().time();
   DeadReckoning::Velocity told;
-  while (reckoning.next(now - from_seconds(kReckonedLate), told)) {
+  while (reckoning.next(until, told)) {
     const PlatformState at = platform.at(told.captured);
     const Vector3 v_IB_N = at.X_IN.linear().transpose() *
                            from_rpy(0, 0, -motion.autopilot_heading) * told.v_IB;

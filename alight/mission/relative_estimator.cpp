@@ -26,6 +26,8 @@ constexpr Seconds kLongUnseen = 0.15;
 // Standard deviation of the place from which a prediction does not tell LEDs from
 // lamps.
 constexpr double kVaguePlace_m = 0.15;
+// A velocity of longer ago says little of what the drone does by now.
+constexpr Time kReckonedBack = 250'000'000;  // ns
 // Pictures in a row in which one LED contradicts the others and is not believed.
 constexpr int kContradictions = 20;
 // Pictures after which a drone at rest of which an LED was missing is looked at anew.
@@ -167,9 +169,16 @@ void RelativeEstimator::advance(Time t, const MotionSource& motion) {
 
 void RelativeEstimator::reckon(Time t, const Vector3& v_NB,
                                const MotionSource& motion) {
-  if (!filter_.initialized() || t <= filter_.time()) return;
-  advance(t, motion);
-  filter_.update_velocity(v_NB, config_.reckoned_sd_m_s);
+  if (!filter_.initialized() || t < filter_.time() - kReckonedBack) return;
+  if (t > filter_.time()) {
+    advance(t, motion);
+    filter_.update_velocity(v_NB, config_.reckoned_sd_m_s);
+    return;
+  }
+  const MotionState since =
+      carried_on(filter_.motion_state(), t, filter_.time(), motion);
+  filter_.update_velocity(v_NB + since.x.v_NB - filter_.state().v_NB,
+                          config_.reckoned_sd_m_s);
 }
 
 bool RelativeEstimator::fuse(const CameraFrame& frame, const MotionSource& motion,

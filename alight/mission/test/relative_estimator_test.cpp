@@ -435,9 +435,9 @@ TEST(RelativeEstimator, ADroneThatIsNotSeenMovesAsItsAutopilotTells) {
   const Vector3 way = w.estimator.filter().state().p_NB - seen.translation();
   EXPECT_LT((way - 0.5 * v_NB).norm(), 0.1) << way.transpose();
   EXPECT_LT((w.estimator.filter().state().v_NB - v_NB).norm(), 0.15);
-  // What is older than that changes nothing, be it told or seen.
+  // What is much older than that changes nothing, nor does an older picture.
   const RelativeState x = w.estimator.filter().state();
-  w.estimator.reckon(t - 1, -v_NB, w.motion);
+  w.estimator.reckon(t - from_seconds(0.26), -v_NB, w.motion);
   w.draw(seen);
   EXPECT_TRUE(w.fuse(t - 10'000'000));
   EXPECT_FALSE(w.report.tracked);
@@ -452,6 +452,39 @@ TEST(RelativeEstimator, ADroneThatIsNotSeenMovesAsItsAutopilotTells) {
   }
   EXPECT_TRUE(w.report.tracked) << w.report.why_not;
   EXPECT_LT((w.report.x.p_NB - p_NB).norm(), 0.02);
+}
+
+// Pictures come and do not show it: what its autopilot tells comes later than they do.
+TEST(RelativeEstimator, ADroneThatIsHiddenMovesAsItsAutopilotHasTold) {
+  Watch w(RelativeEstimatorConfig{});
+  w.follow(30);
+  const Pose seen = Watch::sway(w.now);
+  const Time since = w.now;
+  const Vector3 v_NB(0.4, -0.3, 0.2);  // and the model knows of no motion
+  for (int k = 0; k < 30; ++k) {
+    w.miss(1);
+    w.estimator.reckon(w.now - 50'000'000, v_NB, w.motion);
+    EXPECT_EQ(w.estimator.filter().time(), w.now) << "pictures carry it on";
+  }
+  EXPECT_FALSE(w.report.tracked);
+  EXPECT_EQ(w.estimator.last_sight(), since);
+  const Vector3 way = w.estimator.filter().state().p_NB - seen.translation();
+  EXPECT_LT((way - to_seconds(w.now - since) * v_NB).norm(), 0.1) << way.transpose();
+  EXPECT_LT((w.estimator.filter().state().v_NB - v_NB).norm(), 0.2);
+}
+
+TEST(RelativeEstimator, WhatWasPredictedAndIsToldLateChangesNothing) {
+  Watch w(RelativeEstimatorConfig{});
+  w.follow(30);
+  w.estimator.restart_disturbance(Vector3(1, -0.5, 0.3), Vector3::Zero());
+  w.miss(1);
+  const Time then = w.now;
+  const Vector3 v_NB = w.estimator.filter().state().v_NB;
+  w.miss(3);
+  const RelativeState x = w.estimator.filter().state();
+  ASSERT_GT((x.v_NB - v_NB).norm(), 0.03) << "it accelerates meanwhile";
+  w.estimator.reckon(then, v_NB, w.motion);
+  EXPECT_LT(boxminus(w.estimator.filter().state(), x).norm(), 1e-3);
 }
 
 // The n-th picture, for every n: lost, black, late, repeated or of the wrong size.
