@@ -166,6 +166,7 @@ class Mission {
   /// @returns It waits, and is not to be committed to its landing.
   bool wait_low(const MissionInput& in, const FlatState& ref, double miss,
                 double commit_height);
+  bool may_start_anew() const;
   void shut_down(const MissionInput& in, Command& c, Output& out);
   void lost_target(const MissionInput& in, Output& out);
   void lost_link(const MissionInput& in, Command& c, Output& out);

@@ -396,6 +396,12 @@ void Mission::land(const MissionInput& in, Command& c, Output& out) {
   }
 }
 
+// It has come no farther than its take-off, and stands where that began.
+bool Mission::may_start_anew() const {
+  return status_.reason == kSetDown && status_.attempts == 0 &&
+         starts_ < config_.starts_max;
+}
+
 void Mission::shut_down(const MissionInput& in, Command& c, Output& out) {
   c.mode = Command::Mode::idle;
   if (pilot_flies(in)) {
@@ -407,7 +413,9 @@ void Mission::shut_down(const MissionInput& in, Command& c, Output& out) {
   if (in.telemetry_heard && !in.armed) {
     airborne_ = false;
     c.mode = Command::Mode::silent;
-    go(MissionState::complete, touch_down_.how_it_stands(in), in, out);
+    const bool anew = may_start_anew();
+    go(anew ? MissionState::idle : MissionState::complete,
+       anew ? kSetDown : touch_down_.how_it_stands(in), in, out);
     return;
   }
   if (in.link->silence(in.now) > kShutDownUnheard) {

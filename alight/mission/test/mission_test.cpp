@@ -927,6 +927,42 @@ TEST(Mission, WhatItsAutopilotHasSetDownOnThePadStaysThere) {
   }
 }
 
+// One that has hardly lifted has not been to where it landed.
+TEST(Mission, WhatItsAutopilotHasSetDownAtTheTakeOffStartsAnew) {
+  for (const bool abort : {false, true}) {
+    SCOPED_TRACE(abort);
+    Flight f;
+    ASSERT_TRUE(f.reach(State::taken_off));
+    for (int i = 0; i < 500 && !f.mission().flying(); ++i) f.step();
+    ASSERT_TRUE(f.mission().flying());
+    f.mode = AutopilotMode::failsafe;
+    f.run(0.2);
+    ASSERT_EQ(f.state(), State::lost_link) << f.reason();
+    f.mode = AutopilotMode::offboard;
+    const auto on_pad = [&] {
+      f.x().p_NB = Vector3(0.02, 0, f.rig().drone.gear_height_m + 0.004);
+      f.x().v_NB.setZero();
+      f.x().R_NB.setIdentity();
+      f.step();
+    };
+    for (int i = 0; i < 40 && f.armed(); ++i) on_pad();
+    EXPECT_FALSE(f.armed());
+    if (abort) f.wish = OperatorWish::abort;
+    for (int i = 0; i < 60 && f.state() != State::refused; ++i) {
+      if (f.state() == State::taken_off) break;
+      on_pad();
+    }
+    if (abort) {
+      EXPECT_EQ(f.state(), State::refused);
+      EXPECT_EQ(f.reason(), "the operator aborted before the start");
+      continue;
+    }
+    EXPECT_EQ(f.state(), State::taken_off);
+    ASSERT_TRUE(f.until(State::complete)) << f.reason();
+    EXPECT_EQ(f.mission().status().attempts, 1);
+  }
+}
+
 TEST(Mission, AnInfeasiblePlanIsTriedAgainAndThenFollowed) {
   Flight f;
   f.plans_feasible = false;
