@@ -497,8 +497,9 @@ bool RelativeEstimator::accept(const LedFrame& leds, std::size_t agreeing,
   const bool vague = (lost || misses_ > 0) && leds.led_count() < config_.search_leds;
   if (rms_max_px < kAnyFit || lost || vague) before = filter_;
   LedInformation told;
-  // Lights that are yet to be confirmed may be none of its LEDs.
-  const bool teaches = !expecting_ && !missed(leds.t);
+  // Lights that are yet to be confirmed may be none of its LEDs: they teach nothing.
+  const bool known = !missed(leds.t);
+  const bool teaches = !expecting_ && known;
   const bool telling = config_.learn_led_errors && teaches;
   // What goes on contradicting is no lamp that passes, but LEDs that are off.
   const double most_px = expecting_ ? 0 : misfit_max_px();
@@ -538,7 +539,7 @@ bool RelativeEstimator::accept(const LedFrame& leds, std::size_t agreeing,
   const bool misfits =
       report->contradicts || (!strict && report->reprojection_px > most_px) ||
       std::any_of(report->refused.begin(), report->refused.end(), contradicts);
-  contradictions_ = misfits ? contradictions_ + 1 : 0;
+  if (known) contradictions_ = misfits ? contradictions_ + 1 : 0;
   for (const ObservationReport& seen : report->seen) {
     LedUse use;
     use.observation.leds = seen.leds;
@@ -555,8 +556,8 @@ bool RelativeEstimator::accept(const LedFrame& leds, std::size_t agreeing,
       report->reprojection_px < worst_px &&
       ((report->used >= 3 && !fresh_) || (config_.tell_apart && well_known()));
   if (!out.tracked) out.why_not = "too few LEDs fit";
-  if (out.tracked) remember_fit(leds.led_count(), out.reprojection_px);
-  if (out.tracked && static_cast<std::size_t>(report->used) >= kTellingLeds) {
+  if (out.tracked && known) remember_fit(leds.led_count(), out.reprojection_px);
+  if (out.tracked && known && static_cast<std::size_t>(report->used) >= kTellingLeds) {
     const double misfit = report->reprojection_px * lens_distance(filter_.state().p_NB);
     usual_misfit_ +=
         usual_misfit_ > 0 ? (misfit - usual_misfit_) / kUsualMemory : misfit;
