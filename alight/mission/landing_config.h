@@ -25,10 +25,10 @@ struct LandingConfig {
   AttitudeControllerConfig attitude;
   PidControllerConfig pid;
 
-  bool delay_compensation = true;  ///< Acts for when a set-point takes effect.
-  bool dead_reckoning = true;    ///< Unseen, the drone is where its own velocity has
-                                 ///< taken it (DeadReckoning).
-  double event_age_max_s = 0.5;  ///< Older events are counted and refused.
+  bool delay_compensation = true;   ///< Acts for when a set-point takes effect.
+  bool dead_reckoning = true;       ///< Unseen, the drone is where its own velocity has
+                                    ///< taken it (DeadReckoning).
+  double event_age_max_s = 0.5;     ///< Older events are counted and refused.
   double heading_smoothing = 0.05;  ///< Share of the newest heading difference.
   // The odometry's share in the pose the autopilot is sent.
   double odometry_position_sd_m = 0.02;

@@ -116,8 +116,8 @@ class RelativeEstimator {
   void advance(Time t, const MotionSource& motion);
 
   /// The velocity of a drone that is not seen, as its autopilot tells it
-  /// (DeadReckoning): the filter is carried on to `t`, as by `advance`. Pictures may have
-  /// carried it further already: one of up to 0.25 s before counts with what has
+  /// (DeadReckoning): the filter is carried on to `t`, as by `advance`. Pictures may
+  /// have carried it further already: one of up to 0.25 s before counts with what has
   /// accelerated the drone since, an older one changes nothing.
   void reckon(Time t, const Vector3& v_NB, const MotionSource& motion);
 
