@@ -9,6 +9,11 @@ constexpr double kNewest = 0.05;
 // m/s; what differs by more is no estimate of this drone's speed in this frame: axes
 // taken for others, an estimator that has just begun anew.
 constexpr double kBelieved = 0.6;
+constexpr Seconds kMayBeWrong = 0.5;
+// From one report to the next no drone's velocity changes by more than this, m/s, for
+// the noise, and m/s^2. Those that lie farther apart, s, or are one, tell of no jump.
+constexpr double kNoise = 0.15, kHardest = 10;
+constexpr Seconds kApartMost = 0.1, kApartLeast = 0.005;
 
 }  // namespace
 
@@ -18,22 +23,34 @@ void DeadReckoning::forget() {
   waiting_.clear();
 }
 
-void DeadReckoning::in_sight(const AutopilotTelemetry& told, const Vector3& seen_v_IB) {
+void DeadReckoning::in_sight(const Velocity& told, const Vector3& seen_v_IB) {
   waiting_.clear();
   if (!told.v_IB.allFinite()) return;
+  last_ = told;
   const Vector3 off = told.v_IB - seen_v_IB;
   if (!(off.norm() < kBelieved)) {
-    known_ = false;
+    // Just before it is lost from sight, that may be what is wrong.
+    known_ = known_ && to_seconds(told.captured - agreed_) < kMayBeWrong;
     return;
   }
+  agreed_ = told.captured;
   off_ += (known_ ? kNewest : 1) * (off - off_);
   known_ = true;
 }
 
-void DeadReckoning::out_of_sight(const AutopilotTelemetry& told) {
+void DeadReckoning::out_of_sight(const Velocity& told) {
   if (!known_ || !told.v_IB.allFinite()) return;
+  watch_for_jump(told);
   if (waiting_.full()) waiting_.erase(0);
   waiting_.push_back({told.captured, told.v_IB - off_});
+}
+
+void DeadReckoning::watch_for_jump(const Velocity& told) {
+  const Seconds apart = to_seconds(told.captured - last_.captured);
+  const Vector3 jump = told.v_IB - last_.v_IB;
+  last_ = told;
+  if (apart < kApartLeast || apart > kApartMost) return;
+  if (jump.norm() > kNoise + kHardest * apart) off_ += jump;
 }
 
 bool DeadReckoning::next(Time until, Velocity& out) {

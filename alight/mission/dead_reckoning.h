@@ -1,7 +1,7 @@
 #pragma once
 #include "alight/base/fixed_vector.h"
 #include "alight/base/time.h"
-#include "alight/geometry/sensor_events.h"
+#include "alight/geometry/so3.h"
 
 namespace alight {
 
@@ -10,7 +10,8 @@ namespace alight {
 /// and barometer: these feel the wind and the true thrust, at which a prediction from
 /// set-points guesses. (Inertial dead reckoning: Titterton and Weston 2004.)
 ///
-/// Velocities are in the autopilot's own inertial frame, m/s. No clock, no allocation.
+/// Velocities are m/s, in one level frame that does not turn, the platform odometry's I
+/// say: the autopilot's own turns as its heading begins anew. No clock, no allocation.
 class DeadReckoning {
  public:
   struct Velocity {
@@ -21,14 +22,15 @@ class DeadReckoning {
   /// Something else moves the drone, or another drone: nothing is known of it.
   void forget();
 
-  /// Telemetry of a drone that is in sight, moving with `seen_v_IB` when that was
-  /// captured. One that tells no velocity changes nothing; after one that is far off,
-  /// none is believed until one is near.
-  void in_sight(const AutopilotTelemetry& told, const Vector3& seen_v_IB);
+  /// Told of a drone that is in sight, moving with `seen_v_IB` when that was captured.
+  /// NaN changes nothing; after velocities that were far off for 0.5 s, or from the
+  /// first on, none is believed until one is near.
+  void in_sight(const Velocity& told, const Vector3& seen_v_IB);
 
-  /// Telemetry of a drone out of sight waits here. Lost: what tells no velocity, what
-  /// comes before it was ever in sight, and the oldest where too many wait.
-  void out_of_sight(const AutopilotTelemetry& told);
+  /// Told of a drone out of sight: it waits here. Lost: NaN, what comes before it was
+  /// ever in sight, and the oldest where too many wait. What changes from one report to
+  /// the next as no drone can is its estimator, begun anew: off by that much more.
+  void out_of_sight(const Velocity& told);
 
   /// The oldest that waits, captured at `until` or before; false: there is none.
   bool next(Time until, Velocity& out);
@@ -36,8 +38,12 @@ class DeadReckoning {
  private:
   static constexpr std::size_t kMost = 16;
 
+  void watch_for_jump(const Velocity& told);
+
   bool known_ = false;
+  Time agreed_ = 0;  // when it was told last, near to what was seen
   Vector3 off_ = Vector3::Zero();  // what it tells too much
+  Velocity last_;                  // as told, while `known_`
   FixedVector<Velocity, kMost> waiting_;
 };
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
 
 #include "alight/mission/dead_reckoning.h"
 #include "alight/mission/drone_motion.h"
@@ -19,6 +20,7 @@ constexpr Seconds kHeadingSight = 0.1;  // unseen for longer, nothing is learnt
 // a row, a difference so large is no noise.
 constexpr double kHeadingJump = 15 * kDegree;
 constexpr int kHeadingJumpSeen = 3;
+constexpr Seconds kHeadingApart = 0.1;  // told so far apart, it may have turned by then
 constexpr double kLeastUpright = 0.5;  // cosine of the tilt at which thrust still lifts
 constexpr Seconds kLatestTold = 10;    // a picture still later is no word on the camera
 constexpr Seconds kTouchUnsure = 0.15;
@@ -130,7 +132,7 @@ struct LandingSystem::Parts {
   const PlanArrival* plan = nullptr;
 
   void take(const Event& event, Time now, Output& out, Probe* probe);
-  void learn_heading(const AutopilotTelemetry& t);
+  void learn_heading(const AutopilotTelemetry& t, const AutopilotTelemetry& before);
   /// Of the deck, as seen by the drone that stood on it before take-off, its heading
   /// aside.
   Eigen::Quaterniond deck_tilt(const PlatformState& at) const;
@@ -172,9 +174,21 @@ Result<LandingSystem> LandingSystem::create(const LandingConfig& config,
                                                std::move(*attitude), std::move(*pid)));
 }
 
-void LandingSystem::Parts::learn_heading(const AutopilotTelemetry& t) {
+void LandingSystem::Parts::learn_heading(const AutopilotTelemetry& t,
+                                         const AutopilotTelemetry& before) {
   if (!estimator.initialized() || !platform.ready()) return;
-  if (to_seconds(t.captured - estimator.last_sight()) > kHeadingSight) return;
+  if (to_seconds(t.captured - estimator.last_sight()) > kHeadingSight) {
+    // Its gyros do not show the turn of an estimator that begins anew.
+    const Seconds apart = to_seconds(t.captured - before.captured);
+    if (!heading_known || apart > kHeadingApart) return;
+    const Matrix3 R_IB = t.q_IB.toRotationMatrix();
+    const double turned = wrap_angle(yaw_of(R_IB) -
+                                     yaw_of(before.q_IB.toRotationMatrix()) -
+                                     apart * (R_IB * t.w_IB_B).z());
+    if (std::abs(turned) < kHeadingJump) return;
+    motion.autopilot_heading = wrap_angle(motion.autopilot_heading + turned);
+    return;
+  }
   const double ours = yaw_of(platform.at(t.captured).X_IN.linear()) +
                       yaw_of(estimator.filter().state().R_NB);
   const double theirs = yaw_of(t.q_IB.toRotationMatrix());
@@ -246,14 +260,15 @@ void LandingSystem::Parts::watch_velocity(const AutopilotTelemetry& t) {
     reckoning.forget();
     return;
   }
+  const DeadReckoning::Velocity told = {
+      t.captured, from_rpy(0, 0, -motion.autopilot_heading) * t.v_IB};
   if (to_seconds(t.captured - estimator.last_sight()) > kHeadingSight) {
-    reckoning.out_of_sight(t);
+    reckoning.out_of_sight(told);
     return;
   }
   const PlatformState at = platform.at(t.captured);
   const RelativeState x = estimator.carried_to(t.captured, motion).x;
-  reckoning.in_sight(t, from_rpy(0, 0, motion.autopilot_heading) * at.X_IN.linear() *
-                            inertial_velocity_N(at, x.p_NB, x.v_NB));
+  reckoning.in_sight(told, at.X_IN.linear() * inertial_velocity_N(at, x.p_NB, x.v_NB));
 }
 
 void LandingSystem::Parts::watch_floor(const AutopilotTelemetry& t) {
@@ -274,8 +289,7 @@ void LandingSystem::Parts::reckon(Time now) {
   DeadReckoning::Velocity told;
   while (reckoning.next(until, told)) {
     const PlatformState at = platform.at(told.captured);
-    const Vector3 v_IB_N = at.X_IN.linear().transpose() *
-                           from_rpy(0, 0, -motion.autopilot_heading) * told.v_IB;
+    const Vector3 v_IB_N = at.X_IN.linear().transpose() * told.v_IB;
     const Vector3 v_IP_N =
         inertial_velocity_N(at, estimator.filter().state().p_NB, Vector3::Zero());
     estimator.reckon(told.captured, v_IB_N - v_IP_N, motion);
@@ -313,9 +327,9 @@ void LandingSystem::Parts::take(const Event& event, Time now, Output& out,
            (!telemetry_heard || t->captured > telemetry.captured);
     if (good) {
       telemetry_heard = true;
-      telemetry = *t;
+      const AutopilotTelemetry before = std::exchange(telemetry, *t);
       link.heard(std::min(t->received, now));  // a link is not alive from the future
-      learn_heading(*t);
+      learn_heading(*t, before);
       learn_rest(*t);
       response.correct(t->captured, t->q_IB.toRotationMatrix(), t->w_IB_B);
       follow_autopilot(*t, now);
