@@ -294,6 +294,32 @@ TEST(LandingFaults, AHiddenDroneIsNotLeftToBeBlownIntoThePlatform) {
   }
 }
 
+// Its heading and its velocity jump where no picture shows that they do not.
+TEST(LandingFaults, AnEstimatorThatBeginsAnewUnseenIsNoticed) {
+  struct Watched : RunObserver {
+    double before = 0, turned = 0, off_m = 0;
+    void on_step(const Output& out, const TruthState& truth, double) override {
+      if (truth.t < from_seconds(5.45)) before = out.trace.heading_offset;
+      if (truth.t < from_seconds(5.7) || truth.t > from_seconds(5.95)) return;
+      turned = wrap_angle(out.trace.heading_offset - before);
+      const Vector3 off = out.trace.predicted.p_NB - truth.X_NB.translation();
+      off_m = std::max(off_m, off.norm());
+    }
+  };
+  for (unsigned seed = 1; seed <= 6; ++seed) {
+    SCOPED_TRACE(seed);
+    LandingRunOptions options = test::options_of("circle", seed);
+    options.timeout_s = 8;
+    options.scenario.faults = {
+        {.kind = FaultKind::camera_out, .at_s = 5, .for_s = 1},
+        {.kind = FaultKind::autopilot_reset, .at_s = 5.5, .turn_deg = 30}};
+    Watched watched;
+    ASSERT_TRUE(run_landing(options, &watched));
+    EXPECT_NEAR(watched.turned, 30 * kDegree, 4 * kDegree);
+    EXPECT_LT(watched.off_m, 0.4);
+  }
+}
+
 TEST(LandingFaults, TheOperatorsAbortEndsOffThePad) {
   const Story s = story({.kind = FaultKind::operator_abort, .at_s = 5}, 5);
   EXPECT_EQ(s.result.outcome, Outcome::aborted);
