@@ -238,6 +238,7 @@ bool TouchDown::was_set_down(const MissionInput& in) {
 }
 
 bool TouchDown::slides_off(const MissionInput& in) {
+  deaf_ = std::max(deaf_, in.woke);
   if (in.link->silence(in.now) > kMayBeDeaf) {
     deaf_ = in.now;
     return false;

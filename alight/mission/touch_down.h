@@ -41,9 +41,9 @@ class TouchDown {
   double thrust_share(Time now) const;
   /// While settling: the specific force, in N, against which its last thrust leans.
   const Vector3& leans_against_N() const { return f_touch_N_; }
-  /// While settling, each step: nothing was heard of it as its thrust was to go, it is
-  /// heard again, and it slides off the pad before that is done: with what thrust it
-  /// still has it had better fly.
+  /// While settling, each step: nothing was heard of it as its thrust was to go, or the
+  /// computer stood still; it is heard again, and it slides off the pad before that is
+  /// done: with what thrust it still has it had better fly.
   bool slides_off(const MissionInput& in);
   /// Settled, or as good as it will be: the motors may stop.
   bool stands(const MissionInput& in);

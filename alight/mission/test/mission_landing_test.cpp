@@ -2,7 +2,7 @@
 #include <vector>
 
 #include "alight/planning/planner.h"
-#include "flight.h"
+#include "alight/mission/test/flight.h"
 
 namespace alight {
 namespace {

@@ -1,7 +1,7 @@
 #include <cmath>
 #include <vector>
 
-#include "flight.h"
+#include "alight/mission/test/flight.h"
 
 namespace alight {
 namespace {

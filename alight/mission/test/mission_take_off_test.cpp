@@ -1,6 +1,6 @@
 #include <algorithm>
 
-#include "flight.h"
+#include "alight/mission/test/flight.h"
 
 namespace alight {
 namespace {

@@ -2,7 +2,7 @@
 #include <iterator>
 #include <string>
 
-#include "flight.h"
+#include "alight/mission/test/flight.h"
 
 namespace alight {
 namespace {

@@ -3,7 +3,7 @@
 #include <cstdint>
 
 #include "alight/base/rng.h"
-#include "watch.h"
+#include "alight/mission/test/watch.h"
 
 namespace alight {
 namespace {

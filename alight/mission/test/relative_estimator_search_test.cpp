@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "alight/base/rng.h"
-#include "watch.h"
+#include "alight/mission/test/watch.h"
 
 namespace alight {
 namespace {

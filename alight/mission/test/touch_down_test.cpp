@@ -199,6 +199,23 @@ TEST_F(TouchDownTest, WhatWasNotHeardAndSlidesOffHadBetterFly) {
   }
 }
 
+// Nor was anything sent by a computer that stood still.
+TEST_F(TouchDownTest, WhatSlidesOffAsTheComputerRunsAgainHadBetterFly) {
+  for (const Seconds ago : {0.0, 0.03, 0.2, 2.0}) {
+    SCOPED_TRACE(ago);
+    TouchDown touch(config_, rig_);
+    touch.begin();
+    link_.heard(from_seconds(2));
+    MissionInput in = at(2, 0.005);
+    in.woke = in.now - from_seconds(ago);
+    in.x_seen.p_NB.x() = 0.2;
+    in.x_seen.v_NB = Vector3(0.5, 0, 0);
+    touch.feel(in, maneuver_);
+    ASSERT_TRUE(touch.settling());
+    EXPECT_EQ(touch.slides_off(in), ago < 0.05);
+  }
+}
+
 TEST_F(TouchDownTest, UnseenItSettlesByPredictionOnly) {
   MissionInput in = at(2.1, 0.0);
   in.seen = in.now - from_seconds(1);
