@@ -41,7 +41,7 @@ class DeadReckoning {
   void watch_for_jump(const Velocity& told);
 
   bool known_ = false;
-  Time agreed_ = 0;  // when it was told last, near to what was seen
+  Time agreed_ = 0;                // when it was told last, near to what was seen
   Vector3 off_ = Vector3::Zero();  // what it tells too much
   Velocity last_;                  // as told, while `known_`
   FixedVector<Velocity, kMost> waiting_;

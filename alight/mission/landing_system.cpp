@@ -182,9 +182,9 @@ void LandingSystem::Parts::learn_heading(const AutopilotTelemetry& t,
     const Seconds apart = to_seconds(t.captured - before.captured);
     if (!heading_known || apart > kHeadingApart) return;
     const Matrix3 R_IB = t.q_IB.toRotationMatrix();
-    const double turned = wrap_angle(yaw_of(R_IB) -
-                                     yaw_of(before.q_IB.toRotationMatrix()) -
-                                     apart * (R_IB * t.w_IB_B).z());
+    const double turned =
+        wrap_angle(yaw_of(R_IB) - yaw_of(before.q_IB.toRotationMatrix()) -
+                   apart * (R_IB * t.w_IB_B).z());
     if (std::abs(turned) < kHeadingJump) return;
     motion.autopilot_heading = wrap_angle(motion.autopilot_heading + turned);
     return;

@@ -1,8 +1,8 @@
 #include <cmath>
 #include <vector>
 
-#include "alight/planning/planner.h"
 #include "alight/mission/test/flight.h"
+#include "alight/planning/planner.h"
 
 namespace alight {
 namespace {
