@@ -9,6 +9,7 @@ constexpr double kNewest = 0.05;
 // m/s; what differs by more is no estimate of this drone's speed in this frame: axes
 // taken for others, an estimator that has just begun anew.
 constexpr double kBelieved = 0.6;
+// Until it has lasted so long, the pictures may be what is wrong.
 constexpr Seconds kMayBeWrong = 0.5;
 // From one report to the next no drone's velocity changes by more than this, m/s, for
 // the noise, and m/s^2. Those that lie farther apart, s, or are one, tell of no jump.

@@ -47,6 +47,16 @@ bool within(const Vector3& v, double most) {
   return (v.array().abs() <= most).all();  // false for NaN, unlike the largest of them
 }
 
+/// By how much its heading has turned as its gyros do not show, rad: its estimator has
+/// begun anew. 0 where it was not told for too long.
+double turn_unfelt(const AutopilotTelemetry& before, const AutopilotTelemetry& t) {
+  const Seconds apart = to_seconds(t.captured - before.captured);
+  if (apart > kHeadingApart) return 0;
+  const Matrix3 R_IB = t.q_IB.toRotationMatrix();
+  return wrap_angle(yaw_of(R_IB) - yaw_of(before.q_IB.toRotationMatrix()) -
+                    apart * (R_IB * t.w_IB_B).z());
+}
+
 bool sane(const PlatformOdometry& o) {
   return within(o.X_IN.translation(), kFarthest) && o.X_IN.linear().allFinite() &&
          within(o.v_IN_N, kFastest) && within(o.w_IN_N, kFastestTurn);
@@ -178,15 +188,10 @@ void LandingSystem::Parts::learn_heading(const AutopilotTelemetry& t,
                                          const AutopilotTelemetry& before) {
   if (!estimator.initialized() || !platform.ready()) return;
   if (to_seconds(t.captured - estimator.last_sight()) > kHeadingSight) {
-    // Its gyros do not show the turn of an estimator that begins anew.
-    const Seconds apart = to_seconds(t.captured - before.captured);
-    if (!heading_known || apart > kHeadingApart) return;
-    const Matrix3 R_IB = t.q_IB.toRotationMatrix();
-    const double turned =
-        wrap_angle(yaw_of(R_IB) - yaw_of(before.q_IB.toRotationMatrix()) -
-                   apart * (R_IB * t.w_IB_B).z());
-    if (std::abs(turned) < kHeadingJump) return;
-    motion.autopilot_heading = wrap_angle(motion.autopilot_heading + turned);
+    const double jump = turn_unfelt(before, t);
+    if (heading_known && std::abs(jump) >= kHeadingJump) {
+      motion.autopilot_heading = wrap_angle(motion.autopilot_heading + jump);
+    }
     return;
   }
   const double ours = yaw_of(platform.at(t.captured).X_IN.linear()) +

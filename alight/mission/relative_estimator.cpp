@@ -170,15 +170,11 @@ void RelativeEstimator::advance(Time t, const MotionSource& motion) {
 void RelativeEstimator::reckon(Time t, const Vector3& v_NB,
                                const MotionSource& motion) {
   if (!filter_.initialized() || t < filter_.time() - kReckonedBack) return;
-  if (t > filter_.time()) {
-    advance(t, motion);
-    filter_.update_velocity(v_NB, config_.reckoned_sd_m_s);
-    return;
-  }
+  advance(t, motion);
   const MotionState since =
       carried_on(filter_.motion_state(), t, filter_.time(), motion);
-  filter_.update_velocity(v_NB + since.x.v_NB - filter_.state().v_NB,
-                          config_.reckoned_sd_m_s);
+  const Vector3 gained = since.x.v_NB - filter_.state().v_NB;
+  filter_.update_velocity(v_NB + gained, config_.reckoned_sd_m_s);
 }
 
 bool RelativeEstimator::fuse(const CameraFrame& frame, const MotionSource& motion,

@@ -237,6 +237,11 @@ TEST(LandingFaults, TheWindIsKeptInMindWhenTheAutopilotTakesOver) {
   }
 }
 
+/// How far a drone is from where it is thought to be, m.
+double prediction_off(const Output& out, const TruthState& truth) {
+  return (out.trace.predicted.p_NB - truth.X_NB.translation()).norm();
+}
+
 // The camera fails half a second after lift-off, where wind and thrust are hardly
 // known. By the model alone and from higher up the wind blew each of these into the
 // platform; its autopilot's own velocity says where a drone is, and how it is blown.
@@ -247,7 +252,7 @@ TEST(LandingFaults, WithoutPicturesADroneIsNotLeftToBeBlownIntoThePlatform) {
     void on_step(const Output& out, const TruthState& truth, double) override {
       left = left || truth.mode == AutopilotMode::land;
       if (left || out.mission.state != MissionState::aborted) return;
-      off_m = (out.trace.predicted.p_NB - truth.X_NB.translation()).norm();
+      off_m = prediction_off(out, truth);
     }
   };
   for (const unsigned seed : {327u, 358u, 361u, 374u, 379u, 387u, 398u, 424u}) {
@@ -275,8 +280,7 @@ TEST(LandingFaults, AHiddenDroneIsNotLeftToBeBlownIntoThePlatform) {
       if (out.mission.state == MissionState::lost_target && lost == 0) lost = truth.t;
       if (lost == 0 || truth.t > lost + from_seconds(2)) return;
       if (!out.trace.estimate_valid) return;
-      const Vector3 off = out.trace.predicted.p_NB - truth.X_NB.translation();
-      off_m = std::max(off_m, off.norm());
+      off_m = std::max(off_m, prediction_off(out, truth));
     }
   };
   for (const unsigned seed : {2u, 7u, 9u, 11u, 19u, 20u}) {
@@ -302,8 +306,7 @@ TEST(LandingFaults, AnEstimatorThatBeginsAnewUnseenIsNoticed) {
       if (truth.t < from_seconds(5.45)) before = out.trace.heading_offset;
       if (truth.t < from_seconds(5.7) || truth.t > from_seconds(5.95)) return;
       turned = wrap_angle(out.trace.heading_offset - before);
-      const Vector3 off = out.trace.predicted.p_NB - truth.X_NB.translation();
-      off_m = std::max(off_m, off.norm());
+      off_m = std::max(off_m, prediction_off(out, truth));
     }
   };
   for (unsigned seed = 1; seed <= 6; ++seed) {
