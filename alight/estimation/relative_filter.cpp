@@ -760,20 +760,26 @@ Covariance9 RelativeFilter::covariance() const {
     total.noalias() += led * led * B.lazyProduct(B.transpose());
   }
 
+  return total + mount_covariance(state_.x.p_NB, state_.x.v_NB);
+}
+
+Covariance9 RelativeFilter::mount_covariance(const Vector3& p_NB,
+                                             const Vector3& v_NB) const {
   // A mount that is off moves the drone with it, about the camera.
-  const Vector3 arm = state_.x.p_NB - camera_.X_NC.translation();
+  const Vector3 arm = p_NB - camera_.X_NC.translation();
   const double shift = config_.mount_position_sd_m;
   const double turn = config_.mount_rotation_sd_rad;
+  Covariance9 total = Covariance9::Zero();
   total.diagonal().head<3>().array() += shift * shift;
   Eigen::Matrix<double, 9, 3> by_turn;
-  by_turn << -hat(arm), state_.x.R_NB.transpose(), -hat(state_.x.v_NB);
+  by_turn << -hat(arm), state_.x.R_NB.transpose(), -hat(v_NB);
   total.noalias() += turn * turn * by_turn * by_turn.transpose();
 
   // A focal length that is off scales the distance along the optical axis.
   const Vector3 axis = camera_.X_NC.linear().col(2);
   Vector9 by_focal = Vector9::Zero();
   by_focal.head<3>() = axis * axis.dot(arm);
-  by_focal.tail<3>() = axis * axis.dot(state_.x.v_NB);
+  by_focal.tail<3>() = axis * axis.dot(v_NB);
   total.noalias() +=
       config_.focal_sd_share * config_.focal_sd_share * by_focal * by_focal.transpose();
   return total;

@@ -118,6 +118,9 @@ class RelativeFilter {
   /// Of state() against the truth: the filter's own and the share of the rig's constant
   /// errors (LEDs, mount, focal length), which stays however long one looks.
   Covariance9 covariance() const;
+  /// What of it the mount and the focal length are, for a drone at p_NB with v_NB. The
+  /// share of the former grows with the distance from the lens.
+  Covariance9 mount_covariance(const Vector3& p_NB, const Vector3& v_NB) const;
   /// Without the rig's constant share: how far the state may move from one picture to
   /// the next. For search windows, guards and the autopilot's own estimator.
   Covariance9 tracking_covariance() const { return P_.topLeftCorner<9, 9>(); }

@@ -560,7 +560,12 @@ void LandingSystem::step(const Input& input, Output& out, Probe* probe) {
   in.seen = p.estimator.last_sight();
   in.motion_known = std::max(in.seen, p.reckoned);
   if (in.estimate_valid) {
-    in.miss_sd_m = miss_sd(out.trace.predicted_cov);
+    // At the touch it is nearer to the lens, about which a mount that is off turns it.
+    const RelativeFilter& filter = p.estimator.filter();
+    const Vector3 touch_N(0, 0, p.rig.drone.gear_height_m);
+    in.miss_sd_m =
+        miss_sd(out.trace.predicted_cov + filter.mount_covariance(touch_N, state.x.v_NB) -
+                filter.mount_covariance(state.x.p_NB, state.x.v_NB));
   }
   in.picture_repeats = p.estimator.picture_repeats();
   p.sight.frozen(in.picture_repeats);

@@ -30,6 +30,7 @@ constexpr Seconds kTooFastFor = 0.5;
 // is known less well, and for longer, s, than it takes to be known again, is not landed
 // by.
 constexpr double kVagueSds = 2;
+constexpr double kVagueLeast = 0.1;  // m; or of that, from afar, where it is more
 constexpr Seconds kVagueFor = 0.1;
 constexpr const char* kActsAlone = "set-points do not arrive: the autopilot acts alone";
 
@@ -188,7 +189,7 @@ bool Mission::too_fast(const MissionInput& in) {
 }
 
 bool Mission::too_vague(const MissionInput& in) {
-  if (kVagueSds * in.miss_sd_m <= config_.commit_error_m) {
+  if (kVagueSds * in.miss_sd_m <= std::max(config_.commit_error_m, kVagueLeast)) {
     vague_ = false;
   } else if (!vague_) {
     vague_ = true;

@@ -8,6 +8,14 @@
 #include "alight/mission/mission_input.h"
 
 namespace alight {
+namespace {
+
+// A drone may come down so far off, as a share of what its feet have to the pad's edge.
+constexpr double kRoomShare = 0.8;
+constexpr double kLeastRoom = 0.04;  // m; more exactly nothing lands in wind
+constexpr double kMostRoom = 0.2;    // m; beyond, something is wrong
+
+}  // namespace
 
 Result<void> MissionConfig::validate() const {
   if (auto good = check_bounds({
@@ -20,7 +28,7 @@ Result<void> MissionConfig::validate() const {
           {"mission.move_acceleration_m_s2", move_acceleration_m_s2, 0.1, 10},
           {"mission.plan_ahead_s", plan_ahead_s, 0.01, 1},
           {"mission.commit_height_m", commit_height_m, 0, 5},
-          {"mission.commit_error_m", commit_error_m, 0.001, 1},
+          {"mission.commit_error_m", commit_error_m, 0, 1},
           {"mission.wait_error_m", wait_error_m, 0, 1},
           {"mission.wait_least_m", wait_least_m, 0.001, 1},
           {"mission.wait_share", wait_share, 0, 10},
@@ -82,6 +90,10 @@ MissionConfig places_for(MissionConfig config, const Rig& rig) {
       if (!in_view(rig.camera, rig.leds, higher)) break;
       config.search_point = higher;
     }
+  }
+  if (config.commit_error_m <= 0) {
+    const double room = (rig.pad.size_m - rig.drone.size_m) / 2;
+    config.commit_error_m = std::clamp(kRoomShare * room, kLeastRoom, kMostRoom);
   }
   if (config.safety.leave_at_m.isZero()) config.safety.leave_at_m = config.follow_point;
   if (config.take_off_height_m <= 0) {

@@ -7,8 +7,8 @@
 
 namespace alight {
 
-/// Where, when and how fast the mission goes; lengths in N. Points that are left zero
-/// are placed by `places_for`.
+/// Where, when and how fast the mission goes; lengths in N. Points and lengths that are
+/// left zero are `places_for`'s to set, where that is said.
 struct MissionConfig {
   Safety safety;
   Vector3 follow_point = Vector3::Zero();
@@ -45,7 +45,8 @@ struct MissionConfig {
 
   double commit_height_m = 0.08;  ///< Above gear height; below, landing is the safe
                                   ///< choice. A climb takes 6 cm to begin.
-  double commit_error_m = 0.10;   ///< Expected miss at which commit is refused.
+  double commit_error_m = 0;      ///< Expected miss at which commit is refused; 0: by
+                                  ///< the room that the pad leaves (places_for).
   /// Miss from which the descent slows; at a third more it waits. A drone whose misses
   /// are usually small waits for less: such a share of them (rms of some seconds).
   double wait_error_m = 0.018;  ///< At most; 0: it never waits.

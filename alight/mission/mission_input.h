@@ -33,7 +33,7 @@ struct MissionInput {
   Time motion_known = 0;        ///< Until then pictures or the autopilot tell it.
   Seconds acts_in = 0;          ///< From now to when an attitude sent now acts.
   double z_acted = 0;           ///< Height in N when thrust that is sent now acts, m.
-  double miss_sd_m = 0;         ///< As `miss_sd`, of x.
+  double miss_sd_m = 0;         ///< As `miss_sd`, of x taken to the pad.
   Blindness blindness = Blindness::leds;  ///< Why nothing newer is seen.
   bool picture_repeats = false;           ///< It equals the one before to the last bit.
   bool computer_was_late = false;         ///< The brain was not run for a while.

@@ -5,6 +5,7 @@
 
 #include "alight/planning/certificate.h"
 #include "alight/planning/planner_setting.h"
+#include "alight/planning/rig_fit.h"
 
 namespace alight {
 namespace {
@@ -213,11 +214,12 @@ Result<Planner> Planner::create(const PlannerConfig& config, const Rig& rig) {
   if (const auto valid = config.validate(); !valid) return fail(valid.error());
   if (const auto valid = rig.validate(); !valid) return fail(valid.error());
   auto setting = std::make_shared<Setting>();
-  setting->config = config;
+  setting->config = fitted_to(config, rig);
   setting->rig = rig;
   setting->polyhedron = make_polyhedron(config.profile);
   setting->end = landing_end(config, rig);
-  return Planner(config, std::move(setting));
+  const PlannerConfig fitted = setting->config;
+  return Planner(fitted, std::move(setting));
 }
 
 PlanResult Planner::plan(const PlanRequest& request) const {

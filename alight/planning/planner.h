@@ -103,6 +103,7 @@ struct PlanDetails {
 /// iterations. The same request gives the same bits.
 class Planner {
  public:
+  /// Plans by the configuration as the rig allows it (fitted_to).
   static Result<Planner> create(const PlannerConfig& config, const Rig& rig);
 
   /// One landing. `solved` comes with a certificate none of whose margins is negative
@@ -117,6 +118,7 @@ class Planner {
   /// the cheapest of a fixed set of durations, certified. Standard profile.
   Escape escape(const PlanRequest& request) const;
 
+  /// As fitted to the rig.
   const PlannerConfig& config() const { return config_; }
 
  private:

@@ -9,6 +9,7 @@
 
 #include "alight/eval/statistics.h"
 #include "alight/planning/planner.h"
+#include "alight/planning/rig_fit.h"
 #include "alight/run/cpu_time.h"
 #include "alight/run/timing_probe.h"
 #include "alight/sim/camera_faults.h"
@@ -547,9 +548,12 @@ Result<LandingResult> run_landing(const LandingRunOptions& options,
   if (auto good = options.scenario.validate(); !good) return fail(good.error());
   auto brain = LandingSystem::create(landing_config(options), options.rig);
   if (!brain) return fail(brain.error());
-  auto planner = Planner::create(
-      options.profile == Profile::paper ? PlannerConfig::paper() : PlannerConfig{},
-      options.rig);
+  const PlannerConfig plans =
+      options.profile == Profile::paper ? PlannerConfig::paper() : PlannerConfig{};
+  if (auto good = check_view_of_pad(plans, options.rig); !good) {
+    return fail(good.error());
+  }
+  auto planner = Planner::create(plans, options.rig);
   if (!planner) return fail(planner.error());
   auto world = World::create(options.scenario, options.rig, options.seed);
   if (!world) return fail(world.error());
