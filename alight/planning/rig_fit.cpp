@@ -1,0 +1,73 @@
+#include "alight/planning/rig_fit.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+
+#include "alight/planning/corridor.h"
+
+namespace alight {
+namespace {
+
+constexpr double kLeastTilt = 4;                // deg; with less no platform may turn
+constexpr double kTurned = 10 * kDegree;        // of a heading that is not the end's yet
+constexpr double kAboveGear = 0.15, kOver = 0.1;  // m
+
+/// How far inside the picture a drone is that stands on the pad, at the edge where that
+/// is least: m at the drone, and as an angle about the lens.
+struct Room {
+  double m = 1e9;
+  double rad = 0;
+  std::size_t edge = 0;
+};
+
+Room room_at_end(const PlannerConfig& config, const Rig& rig, double tilt_deg) {
+  const Vector3 p_NB = landing_end(config, rig).p_NB;
+  const Vector3 arm = p_NB - rig.camera.X_NC.translation();
+  const YawRange yaw{config.end_yaw - kTurned, config.end_yaw + kTurned};
+  const double angle = (tilt_deg + config.attitude_spare_deg) * kDegree;
+  const auto planes = view_planes(rig.camera, config.view_border_px);
+  Room least;
+  for (std::size_t i = 0; i < planes.size(); ++i) {
+    const Vector3& n = planes[i].n;
+    const double m = -n.dot(arm) - led_support(rig.leds, n, yaw, angle);
+    if (m < least.m) least = {m, std::asin(std::clamp(m / arm.norm(), -1.0, 1.0)), i};
+  }
+  return least;
+}
+
+}  // namespace
+
+PlannerConfig fitted_to(PlannerConfig config, const Rig& rig) {
+  if (config.profile == Profile::paper) return config;
+  config.touch_down_height_m =
+      std::max({config.touch_down_height_m, rig.drone.gear_height_m + kAboveGear,
+                drone_radius(rig) + kOver});
+  double tilt = std::min(config.tilt_max_deg, rig.drone.tilt_max_deg);
+  while (tilt > kLeastTilt && room_at_end(config, rig, tilt).m < 0) tilt -= 1;
+  config.tilt_max_deg = std::min(config.tilt_max_deg, std::max(tilt, kLeastTilt));
+  return config;
+}
+
+Result<void> check_view_of_pad(const PlannerConfig& config, const Rig& rig) {
+  if (config.profile == Profile::paper) return {};
+  const Room room = room_at_end(config, rig, kLeastTilt);
+  if (room.m >= 0) return {};
+  constexpr std::array<std::array<const char*, 2>, 4> kEdges{{
+      {"left", "to its left"},
+      {"right", "to its right"},
+      {"upper", "up"},
+      {"lower", "down"},
+  }};
+  const auto [edge, way] = kEdges[room.edge];
+  std::array<char, 256> text;
+  std::snprintf(text.data(), text.size(),
+                "camera: of a drone that stands on the pad, leaning by %.0f deg, LEDs are "
+                "beyond the %s edge of the picture by %.1f deg: turn the camera %s "
+                "(mount.rpy_deg) or move it farther away (mount.xyz_m)",
+                kLeastTilt, edge, std::max(0.1, -room.rad / kDegree), way);
+  return fail(Fault::invalid_config, text.data());
+}
+
+}  // namespace alight

@@ -1,0 +1,17 @@
+#pragma once
+#include "alight/planning/planner.h"
+
+namespace alight {
+
+/// `config` as the rig allows it. Standard profile:
+///   tilt_max_deg         so little that on the pad every LED stays in the picture,
+///                        leaning and turned by up to 10 deg; 4 at the least
+///   touch_down_height_m  above the drone's radius and its landing gear
+PlannerConfig fitted_to(PlannerConfig config, const Rig& rig);
+
+/// Whether a drone that stands on the pad can be seen to land: every LED in the picture,
+/// `view_border_px` from its edge, while it leans by the least that a landing takes.
+/// @returns invalid_config: by how much it is beyond which edge, and what to turn.
+Result<void> check_view_of_pad(const PlannerConfig& config, const Rig& rig);
+
+}  // namespace alight
