@@ -14,6 +14,8 @@ namespace {
 constexpr double kRoomShare = 0.8;
 constexpr double kLeastRoom = 0.04;  // m; more exactly nothing lands in wind
 constexpr double kMostRoom = 0.2;    // m; beyond, something is wrong
+constexpr double kSizesAway = 2.5;   // sizes of the drone from the lens: it is in view
+constexpr double kBeyondLeast = 0.545;  // m; time to settle, whatever its size
 
 }  // namespace
 
@@ -74,9 +76,11 @@ Result<void> MissionConfig::validate() const {
 MissionConfig places_for(MissionConfig config, const Rig& rig) {
   const Pose& X_NC = rig.camera.X_NC;
   const double reach = X_NC.translation().head<2>().norm();
-  const double unit = std::max(reach, 2.5 * rig.drone.size_m);
+  const double needed = kSizesAway * rig.drone.size_m;
+  const double unit = std::max(reach, needed);
+  const double beyond = std::min(unit, std::max(needed, kBeyondLeast));
   const auto on_axis = [&](double distance) {
-    return Vector3(X_NC * Vector3(0, 0, distance * unit));
+    return Vector3(X_NC * Vector3(0, 0, unit + (distance - 1) * beyond));
   };
   if (config.rendezvous_point.isZero()) {
     config.rendezvous_point = on_axis(config.rendezvous_distance);

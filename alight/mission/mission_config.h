@@ -16,7 +16,9 @@ struct MissionConfig {
   Vector3 search_point = Vector3::Zero();  ///< Where a lost target is searched for, as
                                            ///< long as pictures come.
   // Distance of those two from the lens, in multiples of that from lens to pad: far
-  // enough to see the whole approach, near enough to see well.
+  // enough to see the whole approach, near enough to see well. What is beyond the pad is
+  // less where the lens is farther off than the drone needs (places_for): so far behind
+  // a platform that turns nothing follows it.
   double follow_distance = 2.7;
   double rendezvous_distance = 2.2;
   double take_off_height_m = 0;  ///< First stop above the pad,

@@ -162,6 +162,7 @@ CameraSimConfig camera_config(const LandingRunOptions& options) {
       std::min(scenario.camera.depth_offset_ms, options.rig.timing.frame_to_use_ms);
   config.depth_offset_ms =
       apart * Rng(options.seed).fork("depth offset").uniform(-1, 1);
+  config.led_axis_B = leds_face(options.rig);
   config.lights = scenario.camera.lights;
   config.pad_reflectance = scenario.camera.pad_reflectance;
   config.jpeg = scenario.camera.jpeg;

@@ -229,6 +229,7 @@ Result<void> follow_script(const ReproduceOptions& options, Gatherer& gatherer) 
   const ScriptedFlight flight(options.row, truth.rig, truth.extras.R_FB,
                               rng.fork(to_string(options.row)));
   CameraSimConfig camera;
+  camera.led_axis_B = leds_face(options.rig);
   camera.depth_offset_ms = 15 * rng.fork("depth offset").uniform(-1, 1);
   auto renderer = CameraRenderer::create(camera, truth.rig, options.seed);
   if (!renderer) return fail(renderer.error());

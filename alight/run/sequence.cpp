@@ -42,6 +42,7 @@ void spread_brightness(int leds, Rng rng, std::array<double, kMaxLeds>& gain) {
 
 CameraSimConfig camera_config(const SequenceOptions& options, const Rng& rng) {
   CameraSimConfig config;
+  config.led_axis_B = leds_face(options.rig);
   config.lights = options.lights;
   config.pad_reflectance = 0.2;
   if (options.kind == SequenceKind::hard) {

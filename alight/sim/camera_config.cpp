@@ -3,6 +3,11 @@
 #include "alight/base/bounds.h"
 
 namespace alight {
+namespace {
+
+constexpr double kBeside = 0.01;  // m; a lens nearer than that stands above the pad
+
+}  // namespace
 
 Result<void> CameraSimConfig::validate() const {
   for (const double gain : led_gain) {
@@ -30,6 +35,12 @@ Result<void> CameraSimConfig::validate() const {
                        {"camera.depth_noise", depth_noise, 0, 1},
                        {"camera.depth_hole_share", depth_hole_share, 0, 1},
                        {"camera.depth_offset_ms", depth_offset_ms, -15, 15}});
+}
+
+Vector3 leds_face(const Rig& rig) {
+  Vector3 level = rig.camera.X_NC.translation();
+  level.z() = 0;
+  return level.norm() > kBeside ? Vector3(level.normalized()) : Vector3::UnitX();
 }
 
 }  // namespace alight

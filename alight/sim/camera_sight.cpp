@@ -130,7 +130,7 @@ bool LedView::hidden_by_platform(const Vector3& p_NA, const Vector3& p_NB) const
 double LedView::light_towards(int i, const Pose& X_NB, const Vector3& p_NP) const {
   const Vector3& p_BL = rig_.leds.p_BL(i);
   const Vector3 p_BP = X_NB.inverse() * p_NP;
-  const double cosine = (p_BP - p_BL).normalized().x();
+  const double cosine = (p_BP - p_BL).normalized().dot(config_.led_axis_B);
   if (cosine <= 0) return 0;
   const double body =
       config_.hidden_by_body ? through_own_body(rig_.drone, p_BL, p_BP) : 1;

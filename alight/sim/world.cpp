@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "alight/sim/autopilot.h"
+#include "alight/sim/camera_config.h"
 #include "alight/sim/contact_watch.h"
 #include "alight/sim/odometry_sensor.h"
 #include "alight/sim/platform_motion.h"
@@ -50,12 +51,11 @@ Pose start_pose(const Scenario& scenario, const Rig& rig, Rng rng) {
   const double side = rng.uniform(-0.1, 0.1);
   Vector3 p_NF(x, y, rig.drone.gear_height_m);
   if (scenario.start.place == StartPlace::floor) {
-    // Where the camera looks.
-    const Vector3 look = rig.camera.X_NC.linear().col(2);
-    const double ahead = look.x() > 0 ? 1 : -1;
-    p_NF = {ahead * back, side, rig.drone.gear_height_m - rig.pad.above_floor_m};
-    const double facing = ahead > 0 ? kPi : 0;
-    return make_pose(from_rpy(0, 0, facing + yaw), p_NF);
+    // Beyond the pad, where the camera looks, and turned as on it.
+    const Vector3 to_lens = leds_face(rig);
+    const Vector3 across(-to_lens.y(), to_lens.x(), 0);
+    p_NF = -back * to_lens + side * across;
+    p_NF.z() = rig.drone.gear_height_m - rig.pad.above_floor_m;
   }
   return make_pose(from_rpy(0, 0, yaw), p_NF);
 }
