@@ -173,6 +173,7 @@ Result<LandingSystem> LandingSystem::create(const LandingConfig& config,
   if (auto good = config.mission.safety.validate(rig); !good) {
     return fail(good.error());
   }
+  if (auto good = check_places(config.mission, rig); !good) return fail(good.error());
   auto estimator = RelativeEstimator::create(config.estimator, rig);
   if (!estimator) return fail(estimator.error());
   auto attitude =
@@ -563,9 +564,9 @@ void LandingSystem::step(const Input& input, Output& out, Probe* probe) {
     // At the touch it is nearer to the lens, about which a mount that is off turns it.
     const RelativeFilter& filter = p.estimator.filter();
     const Vector3 touch_N(0, 0, p.rig.drone.gear_height_m);
-    in.miss_sd_m =
-        miss_sd(out.trace.predicted_cov + filter.mount_covariance(touch_N, state.x.v_NB) -
-                filter.mount_covariance(state.x.p_NB, state.x.v_NB));
+    in.miss_sd_m = miss_sd(out.trace.predicted_cov +
+                           filter.mount_covariance(touch_N, state.x.v_NB) -
+                           filter.mount_covariance(state.x.p_NB, state.x.v_NB));
   }
   in.picture_repeats = p.estimator.picture_repeats();
   p.sight.frozen(in.picture_repeats);

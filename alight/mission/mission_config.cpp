@@ -2,10 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iomanip>
+#include <sstream>
 
 #include "alight/base/bounds.h"
 #include "alight/mission/into_view.h"
 #include "alight/mission/mission_input.h"
+#include "alight/planning/rig_fit.h"
 
 namespace alight {
 namespace {
@@ -15,7 +18,29 @@ constexpr double kRoomShare = 0.8;
 constexpr double kLeastRoom = 0.04;  // m; more exactly nothing lands in wind
 constexpr double kMostRoom = 0.2;    // m; beyond, something is wrong
 constexpr double kSizesAway = 2.5;   // sizes of the drone from the lens: it is in view
-constexpr double kBeyondLeast = 0.545;  // m; time to settle, whatever its size
+constexpr double kPlaceStep = 1 * kDegree;
+constexpr double kAboveTouchDown = 0.05;  // m; where a landing begins
+constexpr double kBeyondLeast = 0.545;    // m; time to settle, whatever its size
+
+/// Where a landing may begin, above the pad, m.
+double lowest_place(const Rig& rig) {
+  return fitted_to(PlannerConfig{}, rig).touch_down_height_m + kAboveTouchDown;
+}
+
+/// So far from the lens along its optical axis; where that is lower than `lowest`, as
+/// little above the axis as it takes to be higher and still in view.
+Vector3 place_in_view(const Rig& rig, double distance, double lowest) {
+  const Pose& X_NC = rig.camera.X_NC;
+  const Vector3 on_axis = X_NC * Vector3(0, 0, distance);
+  if (on_axis.z() >= lowest) return on_axis;
+  for (double up = kPlaceStep; up < kPi / 2; up += kPlaceStep) {
+    // y of the lens points down.
+    const Vector3 ray(0, -std::sin(up), std::cos(up));
+    const Vector3 higher = X_NC * Vector3(distance * ray);
+    if (higher.z() >= lowest && in_view(rig.camera, rig.leds, higher)) return higher;
+  }
+  return on_axis;
+}
 
 }  // namespace
 
@@ -79,14 +104,14 @@ MissionConfig places_for(MissionConfig config, const Rig& rig) {
   const double needed = kSizesAway * rig.drone.size_m;
   const double unit = std::max(reach, needed);
   const double beyond = std::min(unit, std::max(needed, kBeyondLeast));
-  const auto on_axis = [&](double distance) {
-    return Vector3(X_NC * Vector3(0, 0, unit + (distance - 1) * beyond));
+  const double lowest = lowest_place(rig);
+  const auto place = [&](double multiple) {
+    return place_in_view(rig, unit + (multiple - 1) * beyond, lowest);
   };
   if (config.rendezvous_point.isZero()) {
-    config.rendezvous_point = on_axis(config.rendezvous_distance);
+    config.rendezvous_point = place(config.rendezvous_distance);
   }
-  if (config.follow_point.isZero())
-    config.follow_point = on_axis(config.follow_distance);
+  if (config.follow_point.isZero()) config.follow_point = place(config.follow_distance);
   if (config.search_point.isZero()) {
     config.search_point = config.follow_point;
     for (double up = 0.05; up <= config.search_climb_m; up += 0.05) {
@@ -110,6 +135,22 @@ MissionConfig places_for(MissionConfig config, const Rig& rig) {
     config.take_off_height_m = std::max(gear + 0.08, height);
   }
   return config;
+}
+
+Result<void> check_places(const MissionConfig& config, const Rig& rig) {
+  const MissionConfig placed = places_for(config, rig);
+  for (const Vector3& place : {placed.follow_point, placed.rendezvous_point}) {
+    if (place.z() >= lowest_place(rig) && in_view(rig.camera, rig.leds, place))
+      continue;
+    std::ostringstream text;
+    text << std::fixed << std::setprecision(2) << "camera: it sees no place "
+         << place.head<2>().norm() << " m beyond the pad and " << lowest_place(rig)
+         << " m above it, where a landing begins: turn the camera up (mount.rpy_deg), "
+            "or "
+            "take a wider lens";
+    return fail(Fault::invalid_config, text.str());
+  }
+  return {};
 }
 
 }  // namespace alight

@@ -16,9 +16,9 @@ struct MissionConfig {
   Vector3 search_point = Vector3::Zero();  ///< Where a lost target is searched for, as
                                            ///< long as pictures come.
   // Distance of those two from the lens, in multiples of that from lens to pad: far
-  // enough to see the whole approach, near enough to see well. What is beyond the pad is
-  // less where the lens is farther off than the drone needs (places_for): so far behind
-  // a platform that turns nothing follows it.
+  // enough to see the whole approach, near enough to see well. What is beyond the pad
+  // is less where the lens is farther off than the drone needs (places_for): so far
+  // behind a platform that turns nothing follows it.
   double follow_distance = 2.7;
   double rendezvous_distance = 2.2;
   double take_off_height_m = 0;  ///< First stop above the pad,
@@ -114,8 +114,14 @@ struct MissionConfig {
 };
 
 /// `config` with its zero points placed for the rig: on the camera's optical axis,
-/// where every LED has the widest room in the picture; the take-off height below the
-/// upper edge of the picture.
+/// where every LED has the widest room in the picture, or above that, where it leads
+/// below where a landing begins; the take-off height below the upper edge of the
+/// picture.
 MissionConfig places_for(MissionConfig config, const Rig& rig);
+
+/// Whether those of `places_for` are above the height that a landing begins at, with
+/// every LED in the picture.
+/// @returns invalid_config: that the camera sees no such place, and what to turn.
+Result<void> check_places(const MissionConfig& config, const Rig& rig);
 
 }  // namespace alight

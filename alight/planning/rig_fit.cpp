@@ -3,15 +3,16 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
+#include <iomanip>
+#include <sstream>
 
 #include "alight/planning/corridor.h"
 
 namespace alight {
 namespace {
 
-constexpr double kLeastTilt = 4;                // deg; with less no platform may turn
-constexpr double kTurned = 10 * kDegree;        // of a heading that is not the end's yet
+constexpr double kLeastTilt = 4;          // deg; with less no platform may turn
+constexpr double kTurned = 10 * kDegree;  // of a heading that is not the end's yet
 constexpr double kAboveGear = 0.15, kOver = 0.1;  // m
 
 /// How far inside the picture a drone is that stands on the pad, at the edge where that
@@ -52,6 +53,15 @@ PlannerConfig fitted_to(PlannerConfig config, const Rig& rig) {
 
 Result<void> check_view_of_pad(const PlannerConfig& config, const Rig& rig) {
   if (config.profile == Profile::paper) return {};
+  for (int i = 0; i < rig.leds.size(); ++i) {
+    const double above = rig.leds.p_BL(i).z() + rig.drone.gear_height_m;
+    if (above >= 0) continue;
+    std::ostringstream text;
+    text << "leds[" << i << "].xyz_m: " << -1e3 * above
+         << " mm below the pad that the drone stands on (drone.gear_height_m is "
+         << rig.drone.gear_height_m << ")";
+    return fail(Fault::invalid_config, text.str());
+  }
   const Room room = room_at_end(config, rig, kLeastTilt);
   if (room.m >= 0) return {};
   constexpr std::array<std::array<const char*, 2>, 4> kEdges{{
@@ -61,13 +71,13 @@ Result<void> check_view_of_pad(const PlannerConfig& config, const Rig& rig) {
       {"lower", "down"},
   }};
   const auto [edge, way] = kEdges[room.edge];
-  std::array<char, 256> text;
-  std::snprintf(text.data(), text.size(),
-                "camera: of a drone that stands on the pad, leaning by %.0f deg, LEDs are "
-                "beyond the %s edge of the picture by %.1f deg: turn the camera %s "
-                "(mount.rpy_deg) or move it farther away (mount.xyz_m)",
-                kLeastTilt, edge, std::max(0.1, -room.rad / kDegree), way);
-  return fail(Fault::invalid_config, text.data());
+  std::ostringstream text;
+  text << std::fixed << std::setprecision(1) << "camera: of a drone that stands on the "
+       << "pad, leaning by " << kLeastTilt << " deg, LEDs are beyond the " << edge
+       << " edge of the picture by " << std::max(0.1, -room.rad / kDegree)
+       << " deg: turn the camera " << way << " (mount.rpy_deg) or move it farther away "
+       << "(mount.xyz_m)";
+  return fail(Fault::invalid_config, text.str());
 }
 
 }  // namespace alight

@@ -9,9 +9,11 @@ namespace alight {
 ///   touch_down_height_m  above the drone's radius and its landing gear
 PlannerConfig fitted_to(PlannerConfig config, const Rig& rig);
 
-/// Whether a drone that stands on the pad can be seen to land: every LED in the picture,
-/// `view_border_px` from its edge, while it leans by the least that a landing takes.
-/// @returns invalid_config: by how much it is beyond which edge, and what to turn.
+/// Whether a drone that stands on the pad can be seen to land: every LED above the pad
+/// and in the picture, `view_border_px` from its edge, while it leans by the least that
+/// a landing takes.
+/// @returns invalid_config: which LED, or by how much they are beyond which edge, and
+///          what to turn.
 Result<void> check_view_of_pad(const PlannerConfig& config, const Rig& rig);
 
 }  // namespace alight

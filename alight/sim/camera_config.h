@@ -17,11 +17,11 @@ struct CameraSimConfig {
 
   double psf_sd_px = 0.8;  ///< Of a point.
   double led_diameter_mm = 4;
-  double led_peak_at_1m = 1200;    ///< Of a point LED seen head on from 1 m, 2 ms.
-  double led_peak_max = 2000;      ///< What the camera's own settings hold it down to.
+  double led_peak_at_1m = 1200;  ///< Of a point LED seen head on from 1 m, 2 ms.
+  double led_peak_max = 2000;    ///< What the camera's own settings hold it down to.
   Vector3 led_axis_B = Vector3::UnitX();  ///< Where LEDs shine brightest (leds_face).
   double led_half_power_deg = 60;         ///< Off that axis.
-  double led_brightness_spread = 0.15;  ///< sd of the logarithm, drawn per LED.
+  double led_brightness_spread = 0.15;    ///< sd of the logarithm, drawn per LED.
   /// Factor on the brightness of each LED; 0 is a dead one.
   std::array<double, kMaxLeds> led_gain = all_leds(1);
   double halo = 0.04;  ///< Height of the coloured halo, share of the core.
@@ -51,7 +51,8 @@ struct CameraSimConfig {
 };
 
 /// Where LEDs of a drone face that was built for this rig: level, from the pad's middle
-/// to the lens; +x where that stands above it. In B, of a drone that stands as it lands.
+/// to the lens; +x where that stands above it. In B, of a drone that stands as it
+/// lands.
 Vector3 leds_face(const Rig& rig);
 
 }  // namespace alight
