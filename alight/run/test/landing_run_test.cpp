@@ -216,5 +216,61 @@ TEST(LandingRun, RefusesWhatIsOutOfRange) {
   EXPECT_EQ(bad_rig.error().fault, Fault::invalid_config);
 }
 
+/// The authors' rig, turned about the pad's middle.
+Rig turned_rig(double angle) {
+  Rig rig = alan_rig();
+  const Matrix3 turn = from_rpy(0, 0, angle);
+  rig.camera.X_NC = make_pose(turn, Vector3::Zero()) * rig.camera.X_NC;
+  for (Led& led : rig.leds.leds) led.p_BL = turn * led.p_BL;
+  return rig;
+}
+
+/// Twice as large.
+Rig large_rig() {
+  Rig rig = alan_rig();
+  rig.camera.X_NC.translation() *= 2;
+  for (Led& led : rig.leds.leds) led.p_BL *= 2;
+  DroneSpec& drone = rig.drone;
+  drone.size_m *= 2;
+  drone.arm_m *= 2;
+  drone.propeller_radius_m *= 2;
+  drone.gear_height_m *= 2;
+  drone.mass_kg = 3;
+  drone.inertia_kg_m2 *= 22;
+  rig.pad.size_m *= 2;
+  return rig;
+}
+
+/// The camera looks down from a mast.
+Rig mast_rig() {
+  Rig rig = alan_rig();
+  rig.camera.X_NC = optical_from_housing(
+      make_pose(from_rpy(0, 15 * kDegree, kPi), Vector3(0.6, 0, 0.4)));
+  return rig;
+}
+
+TEST(LandingRun, OtherRigsLandToo) {
+  int k = 0;
+  for (const Rig& rig :
+       {turned_rig(kPi / 2), turned_rig(kPi), large_rig(), mast_rig()}) {
+    LandingRunOptions options = options_of("circle", 1);
+    options.rig = rig;
+    const LandingResult result = run(options);
+    EXPECT_EQ(result.outcome, Outcome::landed) << k << ": " << result.reason;
+    EXPECT_EQ(result.attempts, 1) << k;
+    ++k;
+  }
+}
+
+TEST(LandingRun, ARigThatCannotBeLandedOnIsToldBeforeTakeOff) {
+  LandingRunOptions options = options_of("still", 1);
+  options.rig.camera.X_NC = optical_from_housing(
+      make_pose(from_rpy(0, -32 * kDegree, kPi), Vector3(0.54, 0, 0.03)));
+  const auto steep = run_landing(options);
+  ASSERT_FALSE(steep);
+  EXPECT_NE(steep.error().detail.find("turn the camera down"), std::string::npos)
+      << steep.error().detail;
+}
+
 }  // namespace
 }  // namespace alight

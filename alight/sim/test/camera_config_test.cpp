@@ -88,5 +88,14 @@ TEST(CameraRenderer, RefusesWhatIsNotAPose) {
   EXPECT_TRUE(renderer->render(0, std::vector<SceneAt>(8, good), color));
 }
 
+TEST(LedsFace, TheLensOfTheirRig) {
+  Rig rig = alan_rig();
+  EXPECT_EQ(leds_face(rig), Vector3(Vector3::UnitX()));
+  rig.camera.X_NC.translation() = Vector3(-0.3, 0.4, 0.7);
+  EXPECT_TRUE(leds_face(rig).isApprox(Vector3(-0.6, 0.8, 0), 1e-12));
+  rig.camera.X_NC.translation() = Vector3(0, 0, 0.7);
+  EXPECT_EQ(leds_face(rig), Vector3(Vector3::UnitX()));
+}
+
 }  // namespace
 }  // namespace alight
