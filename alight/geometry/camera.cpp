@@ -7,6 +7,10 @@ namespace alight {
 namespace {
 
 constexpr double kNearest = 0.01;  // m; nothing closer to the lens has an image.
+constexpr double kWidest =
+    20;  // tangent off the axis; no lens with this model sees more
+constexpr int kFoldSteps = 32;
+constexpr double kSamePx = 0.01;
 
 /// Distorts normalized coordinates; `D` receives the derivative when given.
 Vector2 distort(const std::array<double, 5>& d, const Vector2& n, Matrix2* D) {
@@ -68,6 +72,21 @@ Vector3 Intrinsics::unproject(const Vector2& uv) const {
     }
   }
   return {n.x(), n.y(), 1};
+}
+
+bool Intrinsics::sees(const Vector2& uv) const {
+  if (!has_distortion()) return true;
+  const Vector3 ray = unproject(uv);
+  const double widest = ray.head<2>().norm();
+  if (!(widest < kWidest)) return false;
+  const auto [k1, k2, p1, p2, k3] = distortion;
+  for (int i = 1; i <= kFoldSteps; ++i) {
+    const double r = widest * i / kFoldSteps;
+    const double r2 = r * r;
+    if (1 + r2 * (3 * k1 + r2 * (5 * k2 + r2 * 7 * k3)) <= 0) return false;
+  }
+  const auto again = project(ray);
+  return again && (*again - uv).norm() < kSamePx;
 }
 
 bool Intrinsics::contains(const Vector2& uv, double border) const {

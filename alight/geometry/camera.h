@@ -36,6 +36,10 @@ struct Intrinsics {
   /// 1e-10 px for lenses that are invertible in the picture).
   Vector3 unproject(const Vector2& uv) const;
 
+  /// Whether a direction belongs to a pixel that `unproject` finds: the polynomial of a
+  /// strong distortion may turn back before the picture's corners.
+  bool sees(const Vector2& uv) const;
+
   /// Whether a pixel lies in the picture, at least `border` px from its edge.
   bool contains(const Vector2& uv, double border = 0) const;
 };

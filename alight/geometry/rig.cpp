@@ -1,5 +1,7 @@
 #include "alight/geometry/rig.h"
 
+#include <cmath>
+
 #include "alight/base/bounds.h"
 
 namespace alight {
@@ -27,6 +29,13 @@ Result<void> Rig::validate() const {
   check.range("camera.cx", k.cx, 0, k.width);
   check.range("camera.cy", k.cy, 0, k.height);
   for (const double d : k.distortion) check.range("camera.distortion", d, -10, 10);
+  for (const Vector2& uv : {Vector2(0, k.cy), Vector2(k.width - 1, k.cy),
+                            Vector2(k.cx, 0), Vector2(k.cx, k.height - 1)}) {
+    check.that(k.sees(uv),
+               "camera.distortion folds the picture back before its edge, " +
+                   std::to_string(std::lround((uv - Vector2(k.cx, k.cy)).norm())) +
+                   " px from (cx, cy): the order is k1 k2 p1 p2 k3");
+  }
   check.range("camera.rate_hz", timing.rate_hz, 1, 1000);
   check.range("camera.exposure_ms", timing.exposure_ms, 0.001, 1000 / timing.rate_hz);
   check.range("camera.readout_ms", timing.readout_ms, 0, 100);

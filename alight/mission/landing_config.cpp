@@ -22,6 +22,7 @@ Result<void> LandingConfig::validate() const {
 LandingConfig LandingConfig::standard(const Rig& rig) {
   LandingConfig config;
   config.estimator.frozen_pictures = 2;
+  config.estimator.finder.pad_hides = true;
   // A search flies on the prediction, for as long as the mission says,
   // and it then takes a second to stop over the ground.
   config.estimator.forget_after_s = config.mission.give_up_s + 1.5;

@@ -195,6 +195,7 @@ class Mission {
   bool wanted_ = false, hold_wanted_ = false, abort_wanted_ = false;
   bool airborne_ = false;
   Time lifted_at_ = 0;
+  double highest_ = 0;       // that it was seen since, m
   double share_lifted_ = 0;  // of the nominal hover thrust, then
   Matrix3 R_rest_ = Matrix3::Identity();
   Vector3 p_rest_ = Vector3::Zero();  // where it stood before take-off

@@ -14,6 +14,7 @@ namespace {
 constexpr double kComingDown = 0.6;
 constexpr Seconds kComingDownFor = 0.45;
 constexpr double kHardlyRises = 0.2;
+constexpr double kSurelyFlies = 0.06;  // m above where it stood
 // Likewise: with no more than this it has not left the ground yet.
 constexpr double kStillStands = 0.85;
 // What its autopilot has done by itself within this time, s, has not lifted it off.
@@ -134,6 +135,7 @@ void Mission::armed(const MissionInput& in, Command& c, Output& out) {
 
 void Mission::taken_off(const MissionInput& in, Command& c, Output& out) {
   const bool fresh = in_sight(in);
+  if (airborne_ && fresh) highest_ = std::max(highest_, in.x_seen.p_NB.z());
   if (lost_as_it_lifts(in)) {
     airborne_ = false;  // It has shown what thrust makes of it in no picture yet.
     come_down(false, in);
@@ -268,6 +270,7 @@ void Mission::lift(bool carried, double flown, const MissionInput& in, Command& 
                    Output& out) {
   airborne_ = true;
   lifted_at_ = in.now;
+  highest_ = in.x_seen.p_NB.z();
   share_lifted_ = c.ramp_share;
   c.lifted = true;
   c.carried = carried;
@@ -319,10 +322,11 @@ bool Mission::misses_pictures(const MissionInput& in) const {
   return unseen(in) > unseen_lifting_;
 }
 
-// No higher and no faster than what kComingDown brings down softly.
+// No higher and no faster than what kComingDown brings down softly. One that was seen
+// higher up flies, wherever images that were none of its LEDs have it by now.
 bool Mission::lost_as_it_lifts(const MissionInput& in) const {
   return lifts_off(in) && misses_pictures(in) && in.z_acted - p_rest_.z() <= kLeft &&
-         in.x.v_NB.z() <= kHardlyRises;
+         highest_ - p_rest_.z() <= kSurelyFlies && in.x.v_NB.z() <= kHardlyRises;
 }
 
 // What thrust makes of it is known once it is seen: a drone heavier than the rig says

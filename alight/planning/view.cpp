@@ -24,10 +24,11 @@ std::array<ViewPlane, 4> view_planes(const Camera& camera, double border_px) {
     const double s = static_cast<double>(i) / (kEdgeSamples - 1);
     const double u = u0 + s * (u1 - u0);
     const double v = v0 + s * (v1 - v0);
-    left = std::max(left, k.unproject({u0, v}).x());
-    right = std::min(right, k.unproject({u1, v}).x());
-    top = std::max(top, k.unproject({u, v0}).y());
-    bottom = std::min(bottom, k.unproject({u, v1}).y());
+    // Beyond where its distortion folds back the lens sees nothing.
+    if (k.sees({u0, v})) left = std::max(left, k.unproject({u0, v}).x());
+    if (k.sees({u1, v})) right = std::min(right, k.unproject({u1, v}).x());
+    if (k.sees({u, v0})) top = std::max(top, k.unproject({u, v0}).y());
+    if (k.sees({u, v1})) bottom = std::min(bottom, k.unproject({u, v1}).y());
   }
   const auto plane = [&](const Vector3& n_C, Constraint meaning) {
     return ViewPlane{camera.X_NC.linear() * n_C.normalized(), meaning};

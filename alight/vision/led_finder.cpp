@@ -9,6 +9,8 @@
 namespace alight {
 namespace {
 
+constexpr double kSurelyPad = 0.9;  // of its side: the mount may be off
+
 double radius_of(const Constellation& leds) {
   double radius = 0;
   for (const Led& led : leds.leds) {
@@ -100,6 +102,7 @@ bool LedFinder::Search::plausible(const Pose& X_NB) const {
   const double range = lens_from_drone.norm();
   if (!(range >= config.range_min_m && range <= config.range_max_m)) return false;
   if (X_NB.linear()(2, 2) < std::cos(config.tilt_max_deg * kDegree)) return false;
+  if (config.pad_hides && behind_pad(X_NB * centre_B)) return false;
   if (config.facing_max_deg >= 180) return true;
   const Vector2 side =
       (X_NB.linear() * Vector3(centre_B.x(), centre_B.y(), 0)).head<2>();
@@ -108,6 +111,13 @@ bool LedFinder::Search::plausible(const Pose& X_NB) const {
   if (side.norm() < 0.25 * radius_m || level < 0.3 * range) return true;
   return side.dot(lens_from_drone.head<2>()) >
          std::cos(config.facing_max_deg * kDegree) * side.norm() * level;
+}
+
+bool LedFinder::Search::behind_pad(const Vector3& p_N) const {
+  const Vector3 p_NC = camera.X_NC.translation();
+  if (p_NC.z() <= 0 || p_N.z() >= 0) return false;
+  const Vector3 through = p_NC + p_NC.z() / (p_NC.z() - p_N.z()) * (p_N - p_NC);
+  return through.head<2>().cwiseAbs().maxCoeff() < kSurelyPad * pad_size_m / 2;
 }
 
 double LedFinder::Search::image_sd(const Pose& X_NB) const {

@@ -22,6 +22,8 @@ struct LedFinderConfig {
   double tilt_sd_deg = 15;     ///< What is usual; weighs between poses that fit alike.
   double facing_max_deg = 90;  ///< Between the LEDs' side of the drone and the lens,
                                ///< in the horizontal plane; 180 switches it off.
+  bool pad_hides = false;      ///< Nothing is seen through the pad: what a pose there
+                               ///< explains are images in it.
   // When an answer is taken.
   double rms_max_px = 2;        ///< Or three sd of what is expected, if that is more.
   double led_sd_m = 0.002;      ///< How well LED positions are known, per axis.

@@ -70,6 +70,8 @@ struct LedFinder::Search {
 
   // led_finder.cpp
   bool plausible(const Pose& X_NB) const;
+  /// Seen from the lens the pad lies before it.
+  bool behind_pad(const Vector3& p_N) const;
   double tilt_sd() const { return config.tilt_sd_deg * kDegree; }
   /// sd in px of where an LED's image lies, for a drone at X_NB.
   double image_sd(const Pose& X_NB) const;

@@ -132,5 +132,21 @@ TEST(ProjectLed, OnlyTheRelativePoseMatters) {
   }
 }
 
+TEST(Intrinsics, SeesWhereItsDistortionDoesNotFoldBack) {
+  const Intrinsics straight;
+  EXPECT_TRUE(straight.sees({0, 0}));
+  EXPECT_TRUE(distorted().sees({0, distorted().cy}));
+  // Turns back at a tangent of 0.91, where its image is 0.61 f from the middle.
+  Intrinsics folded;
+  folded.distortion = {-0.4, 0, 0, 0, 0};
+  const double fold = folded.fx * 2.0 / 3 / std::sqrt(1.2);
+  for (const double share : {0.0, 0.3, 0.9, 0.99}) {
+    EXPECT_TRUE(folded.sees({folded.cx + share * fold, folded.cy})) << share;
+  }
+  for (const double share : {1.01, 1.2, 1.6}) {
+    EXPECT_FALSE(folded.sees({folded.cx + share * fold, folded.cy})) << share;
+  }
+}
+
 }  // namespace
 }  // namespace alight

@@ -34,6 +34,9 @@ TEST(Rig, EveryKindOfNonsenseIsRefused) {
   rig.camera.intrinsics.distortion[2] = nan;
   expect_refused(rig, "camera.distortion");
   rig = alan_rig();
+  rig.camera.intrinsics.distortion = {0.05, -0.5, 0, 0, 0};
+  expect_refused(rig, "camera.distortion folds the picture back before its edge");
+  rig = alan_rig();
   rig.timing.exposure_ms = 20;  // longer than the frame period
   expect_refused(rig, "camera.exposure_ms");
   rig = alan_rig();

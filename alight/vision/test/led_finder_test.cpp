@@ -221,6 +221,30 @@ TEST(LedFinder, KnowingOfThePadKeepsItFromTwins) {
 
 // Far away LEDs look white, and lamps in rows lie as those of a near drone might,
 // somehow.
+TEST(LedFinder, SeesNothingThroughThePad) {
+  Rig rig = alan_rig();
+  Pose X_NH = housing_from_optical(rig.camera.X_NC);
+  X_NH.translation().z() = 0.4;
+  rig.camera.X_NC = optical_from_housing(X_NH);
+  LedFinderConfig config;
+  auto through = LedFinder::create(config, rig.camera, rig.leds, rig.pad.size_m);
+  config.pad_hides = true;
+  auto finder = LedFinder::create(config, rig.camera, rig.leds, rig.pad.size_m);
+  ASSERT_TRUE(through && finder);
+  const auto at = [](double x, double z) {
+    return make_pose(Matrix3::Identity(), Vector3(x, 0, z));
+  };
+  // On the pad, over it, and beyond its far edge on the way to the floor.
+  for (const Pose& seen : {at(0, 0.06), at(-0.1, 0.3), at(-0.4, 0.02), at(-1, -0.1)}) {
+    EXPECT_TRUE(finder->plausible(seen));
+  }
+  // As images in it are: as deep as the drone is high, and beyond its edges, too.
+  for (const Pose& image : {at(0, -0.06), at(-0.2, -0.3), at(-0.4, -0.5)}) {
+    EXPECT_FALSE(finder->plausible(image));
+    EXPECT_TRUE(through->plausible(image));
+  }
+}
+
 TEST(LedFinder, RowsOfLampsDoNotHideAFarDrone) {
   const Rig rig = alan_rig();
   auto finder = LedFinder::create({}, rig.camera, rig.leds);
