@@ -48,6 +48,7 @@ class Flight {
   bool stands_on_floor = false;          ///< By what it tells.
   AutopilotMode mode = AutopilotMode::offboard;
   Vector3 off = Vector3::Zero();           ///< From the reference, where it flies.
+  Vector3 off_m_s = Vector3::Zero();       ///< Likewise, its velocity.
   Vector3 slid = Vector3::Zero();          ///< On the ground, when the motors run.
   Vector3 slides = Vector3::Zero();        ///< m/s, likewise,
   double tip = 0;                          ///< rad, likewise.
@@ -200,7 +201,7 @@ class Flight {
       case MissionCommand::Mode::settle: {
         const FlatState ref = mission_.reference(now_ + kStep);
         x_.p_NB = ref.p_NB + off;
-        x_.v_NB = ref.v_NB;
+        x_.v_NB = ref.v_NB + off_m_s;
         x_.R_NB.setIdentity();
         break;
       }

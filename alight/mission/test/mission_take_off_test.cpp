@@ -337,6 +337,7 @@ TEST(Mission, ADroneThatWasSeenToFlyKeepsItsMotorsWhereverItSeemsToBe) {
   while (f.x().p_NB.z() < 0.15 && f.state() == State::taken_off) f.step();
   ASSERT_EQ(f.state(), State::taken_off);
   f.off.z() = -0.25;
+  f.off_m_s.z() = -0.7;
   for (int i = 0; i < 5; ++i) f.step();
   ASSERT_LT(f.x().p_NB.z(), 0.07);
   f.sight = false;
