@@ -7,6 +7,7 @@
 #include <string>
 
 #include "alight/base/bounds.h"
+#include "alight/sim/camera_config.h"
 
 namespace alight {
 namespace {
@@ -103,6 +104,8 @@ FlightPath::FlightPath(const FlightPathConfig& config, const Rig& rig, Seconds d
       down_(rng.fork("down"), pace, duration),
       heading_(rng.fork("heading"), pace, duration) {
   Rng draw = rng.fork("amplitudes");
+  const Vector3 front = leds_face(rig);
+  front_ = std::atan2(front.y(), front.x());
   heading_off_ =
       draw.uniform(config.heading_off_min_deg, config.heading_off_max_deg) * kDegree;
   // Whole ranges are asked for; each flight comes near to both ends.
@@ -150,7 +153,8 @@ Matrix3 FlightPath::attitude(Seconds t) const {
                     (kDifference * kDifference);
   const Vector3 z = (a + Vector3(0, 0, kGravity)).normalized();
   const Vector3 to_lens = X_NC_.translation() - p;
-  const double yaw = std::atan2(to_lens.y(), to_lens.x()) + heading_off_ * heading_(t);
+  const double yaw =
+      std::atan2(to_lens.y(), to_lens.x()) - front_ + heading_off_ * heading_(t);
   const Vector3 y = z.cross(Vector3(std::cos(yaw), std::sin(yaw), 0)).normalized();
   Matrix3 R_NB;
   R_NB << y.cross(z), y, z;

@@ -14,7 +14,7 @@ struct FlightPathConfig {
   double range_min_m = 0.5;  ///< From the lens.
   double range_max_m = 3;
   double speed_m_s = 1.8;           ///< The fastest moment is at 85 % of it or more.
-  double heading_off_min_deg = 30;  ///< The drone's front sways about the lens by an
+  double heading_off_min_deg = 30;  ///< The side that LEDs face sways about the lens by an
   double heading_off_max_deg = 40;  ///< amplitude drawn from here.
   double turn_rate_rad_s = 4;
   double tilt_max_deg = 30;
@@ -67,6 +67,7 @@ class FlightPath {
   double edge_[4];  ///< Tangents of the view at its left, right, top, bottom.
   double size_;
   double height_;           ///< In N, that B stays above, m.
+  double front_ = 0;        ///< Where LEDs face, heading in B, rad
   double heading_off_ = 0;  ///< rad
   Wave range_, across_, down_, heading_;
   double close_share_ = 0;
