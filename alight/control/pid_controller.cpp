@@ -73,13 +73,9 @@ PidOutput PidController::step(const PlatformState& platform, const RelativeState
 
   const Vector4 command =
       config_.kp.cwiseProduct(error) + integral_ + config_.kd.cwiseProduct(rate);
-  Vector3 v_N = clamped(command.head<3>(), config_.speed_max_m_s);
+  const Vector3 v_N = clamped(command.head<3>(), config_.speed_max_m_s);
   out.limited = v_N != command.head<3>();
   double yaw_rate = command[3];
-  if (config_.platform_feed_forward) {
-    v_N += inertial_velocity_N(platform, reference.p_NB, reference.v_NB);
-    yaw_rate += platform.w_IN_N.z() + reference.yaw_rate;
-  }
   const double yaw_rate_max = config_.yaw_rate_max_deg_s * kDegree;
   if (std::abs(yaw_rate) > yaw_rate_max) {
     yaw_rate = std::copysign(yaw_rate_max, yaw_rate);

@@ -13,7 +13,7 @@ namespace alight {
 using Vector4 = Eigen::Vector4d;
 
 /// The paper's controller (sec:MP_control), as its authors set it: gains on x, y, z of
-/// N and yaw.
+/// N and yaw. It follows a platform of speed v at v / kp.
 struct PidControllerConfig {
   Vector4 kp{2.5, 2.5, 1.5, 1.0};   ///< 1/s
   Vector4 ki{0.3, 0.3, 0.3, 0.05};  ///< 1/s^2
@@ -21,9 +21,6 @@ struct PidControllerConfig {
   Vector4 integral_max{1, 1, 1, 0.5};  ///< Bound on the integral's share, m/s and rad/s
   double speed_max_m_s = 3;            ///< Of the feedback's velocity
   double yaw_rate_max_deg_s = 90;
-  /// Add the velocity of the reference as seen from I (platform and its turning
-  /// included). The paper does not: its loop follows a platform of speed v at v / kp.
-  bool platform_feed_forward = false;
 
   Result<void> validate() const;
 };

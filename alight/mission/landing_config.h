@@ -11,6 +11,7 @@ namespace alight {
 /// What the autopilot is sent.
 enum class ControlInterface : std::uint8_t {
   attitude,  ///< Attitude and thrust.
+  motion,    ///< Velocity and acceleration that make the autopilot do the same.
   velocity   ///< Velocity (the paper's `pid`).
 };
 

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <utility>
 
+#include "alight/control/motion_setpoint.h"
 #include "alight/mission/dead_reckoning.h"
 #include "alight/mission/drone_motion.h"
 #include "alight/mission/floor_contact.h"
@@ -34,7 +35,8 @@ constexpr double kLiftTrust = 0.3;  // share of what lift-off says of the thrust
 // Pictures that still come are to find the filter where they were taken; where they do
 // come, only they carry it on.
 constexpr Seconds kReckonedLate = 0.12;
-constexpr Time kFuture = 5'000'000;  // ns; clocks agree no better than this
+constexpr double kOwnVelocityShare = 0.1;  // of what telemetry tells anew
+constexpr Time kFuture = 5'000'000;        // ns; clocks agree no better than this
 
 // What no platform or drone that is landed on does: a number beyond is a broken
 // message, and squared somewhere it would no longer be one.
@@ -132,10 +134,11 @@ struct LandingSystem::Parts {
   RelativeState x_seen;
   Eigen::Quaterniond tilt_at_rest = Eigen::Quaterniond::Identity();  // on a level deck
   bool calibrated = false;                                           // or tried to
-  double heading_at_rest = 0;     // rad, in the autopilot's frame, as tilt_at_rest what
-  bool rest_known = false;        // telemetry says of it before take-off
-  Setpoint last_track;            // what `track` sent last,
-  double last_track_heading = 0;  // and the platform's heading then
+  double heading_at_rest = 0;  // rad, in the autopilot's frame, as tilt_at_rest what
+  bool rest_known = false;     // telemetry says of it before take-off
+  Vector3 v_off_A = Vector3::Zero();  // its own velocity, as told, less ours
+  Setpoint last_track;                // what `track` sent last,
+  double last_track_heading = 0;      // and the platform's heading then
 
   // Of the step under way.
   OperatorWish wish = OperatorWish::none;
@@ -152,8 +155,11 @@ struct LandingSystem::Parts {
   void obeys_again();
   void watch_velocity(const AutopilotTelemetry& t);
   void watch_floor(const AutopilotTelemetry& t);
+  void learn_own_velocity(const AutopilotTelemetry& t);
   void reckon(Time now);
   void external_pose(const FrameReport& frame, Output& out) const;
+  /// What its autopilot believes at `t`, of a drone that is then as in `ahead`.
+  OwnMotion own_motion(const MotionState& ahead, const PlatformState& at, Time t) const;
   /// The feet of a drone that leans come down one after the other.
   void square_up(double share, const PlatformState& at, Output& out) const;
   Setpoint resting_setpoint(const PlatformState& at, double thrust) const;
@@ -277,6 +283,29 @@ void LandingSystem::Parts::watch_velocity(const AutopilotTelemetry& t) {
   reckoning.in_sight(told, at.X_IN.linear() * inertial_velocity_N(at, x.p_NB, x.v_NB));
 }
 
+void LandingSystem::Parts::learn_own_velocity(const AutopilotTelemetry& t) {
+  if (config.interface != ControlInterface::motion || !estimator.initialized() ||
+      !platform.ready() || !t.v_IB.allFinite()) {
+    return;
+  }
+  const PlatformState at = platform.at(t.captured);
+  const RelativeState x = estimator.carried_to(t.captured, motion).x;
+  const Vector3 ours_A = from_rpy(0, 0, motion.autopilot_heading) *
+                         (at.X_IN.linear() * inertial_velocity_N(at, x.p_NB, x.v_NB));
+  v_off_A += kOwnVelocityShare * (t.v_IB - ours_A - v_off_A);
+}
+
+OwnMotion LandingSystem::Parts::own_motion(const MotionState& ahead,
+                                           const PlatformState& at, Time t) const {
+  const Matrix3 R_AN = from_rpy(0, 0, motion.autopilot_heading) * at.X_IN.linear();
+  const DroneResponse::Sample drone = response.at(t);
+  OwnMotion own;
+  own.v_IB = v_off_A + R_AN * inertial_velocity_N(at, ahead.x.p_NB, ahead.x.v_NB);
+  own.a_IB = drone.f_I() - kGravity * Vector3::UnitZ() +
+             R_AN * ahead.disturbance_N(motion.at(t, ahead.x).lift_N);
+  return own;
+}
+
 void LandingSystem::Parts::watch_floor(const AutopilotTelemetry& t) {
   if (!alone || !t.armed || !estimator.initialized()) {
     floor.forget();
@@ -341,6 +370,7 @@ void LandingSystem::Parts::take(const Event& event, Time now, Output& out,
       follow_autopilot(*t, now);
       watch_velocity(*t);
       watch_floor(*t);
+      learn_own_velocity(*t);
     }
   } else if (const auto* status = std::get_if<LinkStatus>(&event)) {
     good = std::isfinite(status->round_trip_ms) && status->last_answer <= now + kFuture;
@@ -494,14 +524,21 @@ void LandingSystem::Parts::control(const MissionCommand& command, Time now,
     unanswered[unanswered_next] = {now + link.delay(), out.setpoint};
     unanswered_next = (unanswered_next + 1) % unanswered.size();
     unanswered_count = std::min(unanswered_count + 1, unanswered.size());
-    return;
+  } else {
+    Setpoint felt = out.setpoint;
+    if (command.thrust_least > 0) {
+      felt.q_IB =
+          felt.q_IB.slerp(kFeetHold, resting_setpoint(platform_eff, felt.thrust).q_IB);
+    }
+    response.sent(felt, now + link.delay());
   }
-  Setpoint felt = out.setpoint;
-  if (command.thrust_least > 0) {
-    felt.q_IB =
-        felt.q_IB.slerp(kFeetHold, resting_setpoint(platform_eff, felt.thrust).q_IB);
+  if (config.interface == ControlInterface::motion) {
+    const MotionState ahead = estimator.initialized()
+                                  ? estimator.carried_on(state, now, t_eff, motion)
+                                  : state;
+    out.setpoint = as_motion(out.setpoint, own_motion(ahead, platform_eff, t_eff),
+                             platform_eff.w_IN_N.z(), config.response);
   }
-  response.sent(felt, now + link.delay());
 }
 
 void LandingSystem::step(const Input& input, Output& out, Probe* probe) {

@@ -13,8 +13,9 @@ namespace alight {
 struct FlightPathConfig {
   double range_min_m = 0.5;  ///< From the lens.
   double range_max_m = 3;
-  double speed_m_s = 1.8;           ///< The fastest moment is at 85 % of it or more.
-  double heading_off_min_deg = 30;  ///< The side that LEDs face sways about the lens by an
+  double speed_m_s = 1.8;  ///< The fastest moment is at 85 % of it or more.
+  double heading_off_min_deg =
+      30;  ///< The side that LEDs face sways about the lens by an
   double heading_off_max_deg = 40;  ///< amplitude drawn from here.
   double turn_rate_rad_s = 4;
   double tilt_max_deg = 30;

@@ -176,8 +176,7 @@ LandingConfig landing_config(const LandingRunOptions& options) {
                              : LandingConfig::standard(options.rig);
   if (options.scenario.autopilot.interface == AutopilotInterface::velocity &&
       options.profile != Profile::paper) {
-    config.interface = ControlInterface::velocity;
-    config.pid.platform_feed_forward = true;
+    config.interface = ControlInterface::motion;
   }
   for (const Part part : options.without) config = without(part, config);
   config.mission.start_on_floor = options.scenario.start.place == StartPlace::floor;

@@ -216,6 +216,18 @@ TEST(LandingRun, RefusesWhatIsOutOfRange) {
   EXPECT_EQ(bad_rig.error().fault, Fault::invalid_config);
 }
 
+TEST(LandingRun, AnAutopilotThatTakesNoAttitudesLandsAsWell) {
+  for (const char* name : {"circle", "block", "boat"}) {
+    LandingRunOptions options = options_of(name, 2);
+    options.scenario.autopilot.interface = AutopilotInterface::velocity;
+    const LandingResult result = run(options);
+    EXPECT_EQ(result.outcome, Outcome::landed) << name << ": " << result.reason;
+    EXPECT_EQ(result.attempts, 1) << name;
+    ASSERT_TRUE(result.touchdown) << name;
+    EXPECT_LT(result.touchdown->error_m, 0.1) << name;
+  }
+}
+
 /// The authors' rig, turned about the pad's middle.
 Rig turned_rig(double angle) {
   Rig rig = alan_rig();
