@@ -18,6 +18,9 @@ constexpr double kRoomShare = 0.8;
 constexpr double kLeastRoom = 0.04;  // m; more exactly nothing lands in wind
 constexpr double kMostRoom = 0.2;    // m; beyond, something is wrong
 constexpr double kSizesAway = 2.5;   // sizes of the drone from the lens: it is in view
+constexpr double kThrownUp = 0.15;  // m; what thrust grew to as it lifted carries it on
+constexpr double kFarther = 1.8;    // times, to have that room
+constexpr double kPlaceRoom = 0.05;  // m; a landing begins where the drone is by then
 constexpr double kPlaceStep = 1 * kDegree;
 constexpr double kAboveTouchDown = 0.05;  // m; where a landing begins
 constexpr double kBeyondLeast = 0.545;    // m; time to settle, whatever its size
@@ -28,18 +31,25 @@ double lowest_place(const Rig& rig) {
 }
 
 /// So far from the lens along its optical axis; where that is lower than `lowest`, as
-/// little above the axis as it takes to be higher and still in view.
+/// little above the axis as it takes to be higher and still in view, or farther off.
 Vector3 place_in_view(const Rig& rig, double distance, double lowest) {
   const Pose& X_NC = rig.camera.X_NC;
   const Vector3 on_axis = X_NC * Vector3(0, 0, distance);
   if (on_axis.z() >= lowest) return on_axis;
-  for (double up = kPlaceStep; up < kPi / 2; up += kPlaceStep) {
-    // y of the lens points down.
-    const Vector3 ray(0, -std::sin(up), std::cos(up));
-    const Vector3 higher = X_NC * Vector3(distance * ray);
-    if (higher.z() >= lowest && in_view(rig.camera, rig.leds, higher)) return higher;
+  const PlannerConfig plans = fitted_to({}, rig);
+  Vector3 best = on_axis;
+  for (double farther = 1; farther <= kFarther; farther += 0.1) {
+    for (double up = 0; up < kPi / 2; up += kPlaceStep) {
+      // y of the lens points down.
+      const Vector3 ray(0, -std::sin(up), std::cos(up));
+      const Vector3 place = X_NC * Vector3(farther * distance * ray);
+      if (place.z() < lowest) continue;
+      if (!in_view(rig.camera, rig.leds, place)) break;
+      if (room_in_view(plans, rig, place) >= kPlaceRoom) return place;
+      if (best == on_axis) best = place;
+    }
   }
-  return on_axis;
+  return best;
 }
 
 }  // namespace
@@ -129,7 +139,7 @@ MissionConfig places_for(MissionConfig config, const Rig& rig) {
     const double gear = rig.drone.gear_height_m;
     double height = gear;
     while (height < gear + 0.3 &&
-           in_view(rig.camera, rig.leds, Vector3(0, 0, height + 0.01))) {
+           in_view(rig.camera, rig.leds, Vector3(0, 0, height + 0.01 + kThrownUp))) {
       height += 0.01;
     }
     config.take_off_height_m = std::max(gear + 0.08, height);

@@ -23,8 +23,8 @@ struct Room {
   std::size_t edge = 0;
 };
 
-Room room_at_end(const PlannerConfig& config, const Rig& rig, double tilt_deg) {
-  const Vector3 p_NB = landing_end(config, rig).p_NB;
+Room room_at(const PlannerConfig& config, const Rig& rig, const Vector3& p_NB,
+             double tilt_deg) {
   const Vector3 arm = p_NB - rig.camera.X_NC.translation();
   const YawRange yaw{config.end_yaw - kTurned, config.end_yaw + kTurned};
   const double angle = (tilt_deg + config.attitude_spare_deg) * kDegree;
@@ -38,7 +38,15 @@ Room room_at_end(const PlannerConfig& config, const Rig& rig, double tilt_deg) {
   return least;
 }
 
+Room room_at_end(const PlannerConfig& config, const Rig& rig, double tilt_deg) {
+  return room_at(config, rig, landing_end(config, rig).p_NB, tilt_deg);
+}
+
 }  // namespace
+
+double room_in_view(const PlannerConfig& config, const Rig& rig, const Vector3& p_NB) {
+  return room_at(config, rig, p_NB, config.tilt_max_deg).m;
+}
 
 PlannerConfig fitted_to(PlannerConfig config, const Rig& rig) {
   if (config.profile == Profile::paper) return config;

@@ -9,6 +9,11 @@ namespace alight {
 ///   touch_down_height_m  above the drone's radius and its landing gear
 PlannerConfig fitted_to(PlannerConfig config, const Rig& rig);
 
+/// How far inside the picture, `view_border_px` from its edge, every LED of a drone at
+/// p_NB stays, leaning as far as planned and turned by up to 10 deg. m; less than 0: it
+/// does not.
+double room_in_view(const PlannerConfig& config, const Rig& rig, const Vector3& p_NB);
+
 /// Whether a drone that stands on the pad can be seen to land: every LED above the pad
 /// and in the picture, `view_border_px` from its edge, while it leans by the least that
 /// a landing takes.
