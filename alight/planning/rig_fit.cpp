@@ -15,6 +15,10 @@ constexpr double kLeastTilt = 4;          // deg; with less no platform may turn
 constexpr double kTurned = 10 * kDegree;  // of a heading that is not the end's yet
 constexpr double kAboveGear = 0.15, kOver = 0.1;  // m
 
+constexpr double kNearest = 2.5;     // sizes of the drone from the lens
+constexpr double kStartRoom = 0.08;  // m; a start is where the drone is by then
+constexpr double kStep = 1 * kDegree;
+
 /// How far inside the picture a drone is that stands on the pad, at the edge where that
 /// is least: m at the drone, and as an angle about the lens.
 struct Room {
@@ -42,6 +46,25 @@ Room room_at_end(const PlannerConfig& config, const Rig& rig, double tilt_deg) {
   return room_at(config, rig, landing_end(config, rig).p_NB, tilt_deg);
 }
 
+/// Whether there is a place, on the camera's optical axis or above it, to begin a
+/// landing from.
+bool start_in_view(const PlannerConfig& config, const Rig& rig, double tilt_deg) {
+  const Pose& X_NC = rig.camera.X_NC;
+  const double unit =
+      std::max(X_NC.translation().head<2>().norm(), kNearest * rig.drone.size_m);
+  const double lowest = config.touch_down_height_m + config.dilation_m;
+  for (const double distance : {2 * unit, 3 * unit, 4 * unit}) {
+    for (double up = 0; up < kPi / 2; up += kStep) {
+      // y of the lens points down.
+      const Vector3 place =
+          X_NC * Vector3(distance * Vector3(0, -std::sin(up), std::cos(up)));
+      if (place.z() < lowest) continue;
+      if (room_at(config, rig, place, tilt_deg).m >= kStartRoom) return true;
+    }
+  }
+  return false;
+}
+
 }  // namespace
 
 double room_in_view(const PlannerConfig& config, const Rig& rig, const Vector3& p_NB) {
@@ -54,7 +77,10 @@ PlannerConfig fitted_to(PlannerConfig config, const Rig& rig) {
       std::max({config.touch_down_height_m, rig.drone.gear_height_m + kAboveGear,
                 drone_radius(rig) + kOver});
   double tilt = std::min(config.tilt_max_deg, rig.drone.tilt_max_deg);
-  while (tilt > kLeastTilt && room_at_end(config, rig, tilt).m < 0) tilt -= 1;
+  while (tilt > kLeastTilt &&
+         (room_at_end(config, rig, tilt).m < 0 || !start_in_view(config, rig, tilt))) {
+    tilt -= 1;
+  }
   config.tilt_max_deg = std::min(config.tilt_max_deg, std::max(tilt, kLeastTilt));
   return config;
 }

@@ -4,8 +4,9 @@
 namespace alight {
 
 /// `config` as the rig allows it. Standard profile:
-///   tilt_max_deg         so little that on the pad every LED stays in the picture,
-///                        leaning and turned by up to 10 deg; 4 at the least
+///   tilt_max_deg         so little that on the pad, and somewhere to begin from, every
+///                        LED stays in the picture, leaning and turned by up to 10 deg;
+///                        4 at the least
 ///   touch_down_height_m  above the drone's radius and its landing gear
 PlannerConfig fitted_to(PlannerConfig config, const Rig& rig);
 

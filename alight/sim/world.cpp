@@ -51,10 +51,11 @@ Pose start_pose(const Scenario& scenario, const Rig& rig, Rng rng) {
   const double side = rng.uniform(-0.1, 0.1);
   Vector3 p_NF(x, y, rig.drone.gear_height_m);
   if (scenario.start.place == StartPlace::floor) {
-    // Beyond the pad, where the camera looks, and turned as on it.
+    // Beyond the pad, where the camera looks, and turned as on it; a large one farther.
+    const double scale = std::max(1.0, rig.drone.size_m / DroneSpec{}.size_m);
     const Vector3 to_lens = leds_face(rig);
     const Vector3 across(-to_lens.y(), to_lens.x(), 0);
-    p_NF = -back * to_lens + side * across;
+    p_NF = scale * (-back * to_lens + side * across);
     p_NF.z() = rig.drone.gear_height_m - rig.pad.above_floor_m;
   }
   return make_pose(from_rpy(0, 0, yaw), p_NF);
