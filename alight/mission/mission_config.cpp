@@ -149,9 +149,12 @@ MissionConfig places_for(MissionConfig config, const Rig& rig) {
 
 Result<void> check_places(const MissionConfig& config, const Rig& rig) {
   const MissionConfig placed = places_for(config, rig);
+  const PlannerConfig plans = fitted_to({}, rig);
   for (const Vector3& place : {placed.follow_point, placed.rendezvous_point}) {
-    if (place.z() >= lowest_place(rig) && in_view(rig.camera, rig.leds, place))
+    if (place.z() >= lowest_place(rig) && in_view(rig.camera, rig.leds, place) &&
+        room_in_view(plans, rig, place) >= 0) {
       continue;
+    }
     std::ostringstream text;
     text << std::fixed << std::setprecision(2) << "camera: it sees no place "
          << place.head<2>().norm() << " m beyond the pad and " << lowest_place(rig)

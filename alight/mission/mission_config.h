@@ -120,7 +120,7 @@ struct MissionConfig {
 MissionConfig places_for(MissionConfig config, const Rig& rig);
 
 /// Whether those of `places_for` are above the height that a landing begins at, with
-/// every LED in the picture.
+/// every LED in the picture, leaning as far as planned.
 /// @returns invalid_config: that the camera sees no such place, and what to turn.
 Result<void> check_places(const MissionConfig& config, const Rig& rig);
 
