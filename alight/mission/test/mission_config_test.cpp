@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include "alight/geometry/test/turned_rig.h"
 #include "alight/mission/into_view.h"
 #include "alight/planning/rig_fit.h"
 
@@ -15,15 +16,6 @@ Rig mast_rig(double up_m, double down_deg) {
   p_NC.z() = up_m;
   rig.camera.X_NC =
       optical_from_housing(make_pose(from_rpy(0, down_deg * kDegree, kPi), p_NC));
-  return rig;
-}
-
-/// The authors' rig, turned about the pad's middle.
-Rig around_rig(double angle) {
-  Rig rig = alan_rig();
-  const Matrix3 turn = from_rpy(0, 0, angle);
-  rig.camera.X_NC = make_pose(turn, Vector3::Zero()) * rig.camera.X_NC;
-  for (Led& led : rig.leds.leds) led.p_BL = turn * led.p_BL;
   return rig;
 }
 
@@ -42,7 +34,7 @@ TEST(Places, TurnWithTheRig) {
   const MissionConfig ahead = places_for({}, alan_rig());
   for (const double angle : {0.5, kPi / 2, kPi, -2.0}) {
     const Matrix3 turn = from_rpy(0, 0, angle);
-    const MissionConfig placed = places_for({}, around_rig(angle));
+    const MissionConfig placed = places_for({}, test::turned_rig(angle));
     EXPECT_TRUE(placed.follow_point.isApprox(turn * ahead.follow_point, 1e-9));
     EXPECT_TRUE(placed.rendezvous_point.isApprox(turn * ahead.rendezvous_point, 1e-9));
   }

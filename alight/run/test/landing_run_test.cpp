@@ -4,6 +4,7 @@
 #include <set>
 #include <sstream>
 
+#include "alight/geometry/test/turned_rig.h"
 #include "run_scenarios.h"
 
 namespace alight {
@@ -228,15 +229,6 @@ TEST(LandingRun, AnAutopilotThatTakesNoAttitudesLandsAsWell) {
   }
 }
 
-/// The authors' rig, turned about the pad's middle.
-Rig turned_rig(double angle) {
-  Rig rig = alan_rig();
-  const Matrix3 turn = from_rpy(0, 0, angle);
-  rig.camera.X_NC = make_pose(turn, Vector3::Zero()) * rig.camera.X_NC;
-  for (Led& led : rig.leds.leds) led.p_BL = turn * led.p_BL;
-  return rig;
-}
-
 /// Twice as large.
 Rig large_rig() {
   Rig rig = alan_rig();
@@ -264,7 +256,7 @@ Rig mast_rig() {
 TEST(LandingRun, OtherRigsLandToo) {
   int k = 0;
   for (const Rig& rig :
-       {turned_rig(kPi / 2), turned_rig(kPi), large_rig(), mast_rig()}) {
+       {test::turned_rig(kPi / 2), test::turned_rig(kPi), large_rig(), mast_rig()}) {
     LandingRunOptions options = options_of("circle", 1);
     options.rig = rig;
     const LandingResult result = run(options);
