@@ -22,7 +22,7 @@
 #include "checks.h"
 #include "command.h"
 #include "json.h"
-#include "rig_option.h"
+#include "landing_rig_option.h"
 #include "without_option.h"
 
 using namespace alight;
@@ -94,7 +94,8 @@ Result<CampaignOptions> options_of(const Settings& settings) {
   CampaignOptions options;
   options.rig = alan_rig();
   if (!settings.rig.empty()) {
-    auto rig = load_seen_rig(settings.rig, "campaign");
+    auto rig = settings.profile == "paper" ? load_seen_rig(settings.rig, "campaign")
+                                           : load_landing_rig(settings.rig, "campaign");
     if (!rig) return fail(rig.error());
     options.rig = *rig;
     auto safety = load_safety(settings.rig, *rig);

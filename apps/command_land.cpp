@@ -8,7 +8,7 @@
 #include "alight/run/scenario_yaml.h"
 #include "checks.h"
 #include "command.h"
-#include "rig_option.h"
+#include "landing_rig_option.h"
 #include "without_option.h"
 
 namespace {
@@ -49,7 +49,8 @@ Result<void> land(const LandSettings& settings) {
   LandingRunOptions options;
   options.rig = alan_rig();
   if (!settings.rig.empty()) {
-    auto rig = load_seen_rig(settings.rig, "land");
+    auto rig = settings.profile == "paper" ? load_seen_rig(settings.rig, "land")
+                                           : load_landing_rig(settings.rig, "land");
     if (!rig) return fail(rig.error());
     options.rig = *rig;
     auto safety = load_safety(settings.rig, *rig);

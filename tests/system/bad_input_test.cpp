@@ -227,6 +227,29 @@ TEST_F(BadInput, LedsThatNoPictureTellsApart) {
   }
 }
 
+TEST_F(BadInput, RigsThatCannotBeLandedOn) {
+  const auto pitched = [&](double deg) {
+    Rig rig = alan_rig();
+    rig.camera.X_NC = optical_from_housing(
+        make_pose(from_rpy(0, deg * kDegree, kPi), rig.camera.X_NC.translation()));
+    return file("turned.yaml", rig_text(rig));
+  };
+  const std::string campaign = "campaign --scenario '" +
+                               std::string(ALIGHT_SOURCE_DIR) +
+                               "/config/scenarios/still.yaml' --seeds 1";
+  for (const std::string& command : {std::string("land"), campaign}) {
+    expect_refused(command + " --rig '" + pitched(-30) + "'", 1,
+                   {"turned.yaml: camera: ", "lower edge", "turn the camera down"});
+    expect_refused(command + " --rig '" + pitched(25) + "'", 1,
+                   {"turned.yaml: camera: ", "turn the camera up"});
+  }
+  const Ran ran = run("land --rig '" + pitched(-24) + "'");
+  EXPECT_EQ(ran.status, 0) << ran.err;
+  EXPECT_NE(ran.err.find("warning: "), std::string::npos) << ran.err;
+  EXPECT_NE(ran.err.find("leaning by more than"), std::string::npos) << ran.err;
+  EXPECT_NE(ran.out.find("landed"), std::string::npos) << ran.out;
+}
+
 TEST_F(BadInput, Scenarios) {
   const auto each = [&](const std::string& text,
                         const std::vector<std::string>& words) {
