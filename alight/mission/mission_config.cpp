@@ -158,9 +158,8 @@ Result<void> check_places(const MissionConfig& config, const Rig& rig) {
     std::ostringstream text;
     text << std::fixed << std::setprecision(2) << "camera: it sees no place "
          << place.head<2>().norm() << " m beyond the pad and " << lowest_place(rig)
-         << " m above it, where a landing begins: turn the camera up (mount.rpy_deg), "
-            "or "
-            "take a wider lens";
+         << " m above it, where a landing begins: turn the camera up "
+         << "(mount.rpy_deg), or take a wider lens";
     return fail(Fault::invalid_config, text.str());
   }
   return {};

@@ -13,10 +13,11 @@ namespace {
 
 constexpr double kLeastTilt = 4;          // deg; with less no platform may turn
 constexpr double kTurned = 10 * kDegree;  // of a heading that is not the end's yet
-constexpr double kAboveGear = 0.15, kOver = 0.1;  // m
-
-constexpr double kNearest = 2.5;     // sizes of the drone from the lens
-constexpr double kStartRoom = 0.08;  // m; a start is where the drone is by then
+// Of the touch-down space's height, m: over the landing gear, over the drone's radius.
+constexpr double kAboveGear = 0.15, kOver = 0.1;
+// Where a landing may begin: so many sizes of the drone from the lens at least, and
+// with room, m, for a drone that is not quite there.
+constexpr double kNearest = 2.5, kStartRoom = 0.08;
 constexpr double kStep = 1 * kDegree;
 
 /// How far inside the picture a drone is that stands on the pad, at the edge where that
