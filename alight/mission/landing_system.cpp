@@ -159,7 +159,8 @@ struct LandingSystem::Parts {
   void reckon(Time now);
   void external_pose(const FrameReport& frame, Output& out) const;
   /// What its autopilot believes at `t`, of a drone that is then as in `ahead`.
-  OwnMotion own_motion(const MotionState& ahead, const PlatformState& at, Time t) const;
+  OwnMotion own_motion(const MotionState& ahead, const PlatformState& at, Time t,
+                       bool standing) const;
   /// The feet of a drone that leans come down one after the other.
   void square_up(double share, const PlatformState& at, Output& out) const;
   Setpoint resting_setpoint(const PlatformState& at, double thrust) const;
@@ -296,10 +297,17 @@ void LandingSystem::Parts::learn_own_velocity(const AutopilotTelemetry& t) {
 }
 
 OwnMotion LandingSystem::Parts::own_motion(const MotionState& ahead,
-                                           const PlatformState& at, Time t) const {
+                                           const PlatformState& at, Time t,
+                                           bool standing) const {
   const Matrix3 R_AN = from_rpy(0, 0, motion.autopilot_heading) * at.X_IN.linear();
-  const DroneResponse::Sample drone = response.at(t);
   OwnMotion own;
+  if (standing) {
+    // Its feet hold it against what thrust and wind would make of it.
+    own.v_IB = v_off_A + R_AN * inertial_velocity_N(at, ahead.x.p_NB, Vector3::Zero());
+    own.a_IB = R_AN * at.a_IN_N;
+    return own;
+  }
+  const DroneResponse::Sample drone = response.at(t);
   own.v_IB = v_off_A + R_AN * inertial_velocity_N(at, ahead.x.p_NB, ahead.x.v_NB);
   own.a_IB = drone.f_I() - kGravity * Vector3::UnitZ() +
              R_AN * ahead.disturbance_N(motion.at(t, ahead.x).lift_N);
@@ -536,8 +544,10 @@ void LandingSystem::Parts::control(const MissionCommand& command, Time now,
     const MotionState ahead = estimator.initialized()
                                   ? estimator.carried_on(state, now, t_eff, motion)
                                   : state;
-    out.setpoint = as_motion(out.setpoint, own_motion(ahead, platform_eff, t_eff),
-                             platform_eff.w_IN_N.z(), config.response);
+    const bool standing = command.mode != MissionCommand::Mode::track;
+    out.setpoint =
+        as_motion(out.setpoint, own_motion(ahead, platform_eff, t_eff, standing),
+                  platform_eff.w_IN_N.z(), config.response);
   }
 }
 

@@ -229,6 +229,19 @@ TEST(LandingRun, AnAutopilotThatTakesNoAttitudesLandsAsWell) {
   }
 }
 
+// With little thrust left a small error of velocity is a wide lean: on its feet the
+// drone moves as the pad does, whatever wind would make of it.
+TEST(LandingRun, OverVelocitiesItStandsAt30KmH) {
+  for (const std::uint64_t seed : {20001u, 20005u, 20006u, 20007u}) {
+    LandingRunOptions options = options_of("straight_fast", seed);
+    options.rig.drone.thrust_to_weight = 3.5;
+    options.rig.limits.speed_m_s = 12;
+    options.scenario.autopilot.interface = AutopilotInterface::velocity;
+    const LandingResult result = run(options);
+    EXPECT_EQ(result.outcome, Outcome::landed) << seed << ": " << result.reason;
+  }
+}
+
 /// Twice as large.
 Rig large_rig() {
   Rig rig = alan_rig();
