@@ -99,7 +99,7 @@ TEST_F(RigYamlFiles, AnyRigReadsBack) {
     rig.camera.X_NC = make_pose(so3_exp(turn), {rng.normal(), rng.normal(), 0.1});
     for (Led& led : rig.leds.leds) led.p_BL *= rng.uniform(0.5, 2);
     rig.leds.leds[2].color = i % 2 ? LedColor::blue : LedColor::none;
-    rig.camera.intrinsics.distortion = {rng.normal(), 0.1, 1e-7, -0.3, 0};
+    rig.camera.intrinsics.distortion = {rng.uniform(-0.15, 0.15), 0.1, 1e-7, -0.003, 0};
     rig.drone.mass_kg = rng.uniform(0.1, 3);
     rig.drone.inertia_kg_m2 = Vector3(1, 2, 3) * rng.uniform(0.001, 0.1);
     rig.pad.size_m = rng.uniform(0.2, 3);
