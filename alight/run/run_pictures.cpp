@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "alight/io/plot.h"
+#include "alight/sim/camera_config.h"
 
 namespace alight {
 namespace {
@@ -32,7 +33,10 @@ bool in_landing(MissionState state) {
 Panel side_view(const RunTracks& tracks, const Rig& rig) {
   Panel panel;
   panel.title = "From the side, seen from the platform (N)";
-  panel.x_label = "x, m (forward)";
+  // In the plane of pad and lens, from whichever side that looks.
+  const Vector3 across = leds_face(rig);
+  const bool ahead = across.isApprox(Vector3::UnitX());
+  panel.x_label = ahead ? "x, m (forward)" : "m towards the lens";
   panel.y_label = "z, m above the pad";
   panel.equal_aspect = true;
   const double half = 0.5 * rig.pad.size_m;
@@ -47,7 +51,7 @@ Panel side_view(const RunTracks& tracks, const Rig& rig) {
     const Vector3 ray = rig.camera.X_NC.linear() *
                         rig.camera.intrinsics.unproject({rig.camera.intrinsics.cx, v});
     const Vector3 end = eye + 10 * ray.normalized();  // cut off by the axes
-    panel.series.push_back({.x = {eye.x(), end.x()},
+    panel.series.push_back({.x = {across.dot(eye), across.dot(end)},
                             .y = {eye.z(), end.z()},
                             .label = v == 0 ? "edge of the picture" : "",
                             .color = palette::grey,
@@ -60,19 +64,20 @@ Panel side_view(const RunTracks& tracks, const Rig& rig) {
   Series estimate{.label = "estimate", .color = palette::sky};
   Series truth{.label = "truth", .color = palette::blue, .width_px = 2.5};
   for (std::size_t i = 0; i < tracks.t.size(); ++i) {
-    truth.x.push_back(tracks.X_NB_true[i].translation().x());
+    truth.x.push_back(across.dot(tracks.X_NB_true[i].translation()));
     truth.y.push_back(tracks.X_NB_true[i].translation().z());
     const bool known = tracks.predicted_valid[i];
-    estimate.x.push_back(known ? tracks.X_NB_predicted[i].translation().x() : kNaN);
+    estimate.x.push_back(known ? across.dot(tracks.X_NB_predicted[i].translation())
+                               : kNaN);
     estimate.y.push_back(known ? tracks.X_NB_predicted[i].translation().z() : kNaN);
     const bool wanted = tracks.reference_valid[i];
-    reference.x.push_back(wanted ? tracks.reference[i].p_NB.x() : kNaN);
+    reference.x.push_back(wanted ? across.dot(tracks.reference[i].p_NB) : kNaN);
     reference.y.push_back(wanted ? tracks.reference[i].p_NB.z() : kNaN);
   }
   panel.series.push_back(estimate);
   panel.series.push_back(truth);
   panel.series.push_back(reference);
-  panel.notes.push_back({eye.x(), eye.z(), "camera", palette::black});
+  panel.notes.push_back({across.dot(eye), eye.z(), "camera", palette::black});
   return panel;
 }
 
