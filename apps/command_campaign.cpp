@@ -94,8 +94,7 @@ Result<CampaignOptions> options_of(const Settings& settings) {
   CampaignOptions options;
   options.rig = alan_rig();
   if (!settings.rig.empty()) {
-    auto rig = settings.profile == "paper" ? load_seen_rig(settings.rig, "campaign")
-                                           : load_landing_rig(settings.rig, "campaign");
+    auto rig = load_landing_rig(settings.rig, settings.profile, "campaign");
     if (!rig) return fail(rig.error());
     options.rig = *rig;
     auto safety = load_safety(settings.rig, *rig);

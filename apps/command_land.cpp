@@ -49,8 +49,7 @@ Result<void> land(const LandSettings& settings) {
   LandingRunOptions options;
   options.rig = alan_rig();
   if (!settings.rig.empty()) {
-    auto rig = settings.profile == "paper" ? load_seen_rig(settings.rig, "land")
-                                           : load_landing_rig(settings.rig, "land");
+    auto rig = load_landing_rig(settings.rig, settings.profile, "land");
     if (!rig) return fail(rig.error());
     options.rig = *rig;
     auto safety = load_safety(settings.rig, *rig);

@@ -9,13 +9,15 @@
 #include "rig_option.h"
 
 /// The rig of a command that lands on it: as load_seen_rig, and where a landing could
-/// not be seen it is refused, where only one that hardly leans could, a line says so.
+/// not be seen it is refused, where only one that hardly leans could, a line says so;
+/// the paper's profile looks at neither.
 inline alight::Result<alight::Rig> load_landing_rig(const std::string& path,
+                                                    const std::string& profile,
                                                     const char* command) {
   // Platforms in tight turns ask for less.
   constexpr double kFewDegrees = 8;
   auto rig = load_seen_rig(path, command);
-  if (!rig) return rig;
+  if (!rig || profile == "paper") return rig;
   const auto named = [&](const alight::Error& error) {
     return alight::fail(error.fault, path + ": " + error.detail);
   };

@@ -153,6 +153,8 @@ struct LandingSystem::Parts {
   void follow_autopilot(const AutopilotTelemetry& t, Time now);
   /// The set-points since it was last alone are what the drone does now.
   void obeys_again();
+  /// The drone's velocity at `t`, as the estimator has it.
+  Vector3 seen_v_IB(Time t) const;
   void watch_velocity(const AutopilotTelemetry& t);
   void watch_floor(const AutopilotTelemetry& t);
   void learn_own_velocity(const AutopilotTelemetry& t);
@@ -267,6 +269,12 @@ void LandingSystem::Parts::obeys_again() {
   unanswered_count = 0;
 }
 
+Vector3 LandingSystem::Parts::seen_v_IB(Time t) const {
+  const PlatformState at = platform.at(t);
+  const RelativeState x = estimator.carried_to(t, motion).x;
+  return at.X_IN.linear() * inertial_velocity_N(at, x.p_NB, x.v_NB);
+}
+
 void LandingSystem::Parts::watch_velocity(const AutopilotTelemetry& t) {
   if (!config.dead_reckoning || motion.on_ground || !estimator.initialized() ||
       !platform.ready()) {
@@ -279,9 +287,7 @@ void LandingSystem::Parts::watch_velocity(const AutopilotTelemetry& t) {
     reckoning.out_of_sight(told);
     return;
   }
-  const PlatformState at = platform.at(t.captured);
-  const RelativeState x = estimator.carried_to(t.captured, motion).x;
-  reckoning.in_sight(told, at.X_IN.linear() * inertial_velocity_N(at, x.p_NB, x.v_NB));
+  reckoning.in_sight(told, seen_v_IB(t.captured));
 }
 
 void LandingSystem::Parts::learn_own_velocity(const AutopilotTelemetry& t) {
@@ -289,10 +295,8 @@ void LandingSystem::Parts::learn_own_velocity(const AutopilotTelemetry& t) {
       !platform.ready() || !t.v_IB.allFinite()) {
     return;
   }
-  const PlatformState at = platform.at(t.captured);
-  const RelativeState x = estimator.carried_to(t.captured, motion).x;
-  const Vector3 ours_A = from_rpy(0, 0, motion.autopilot_heading) *
-                         (at.X_IN.linear() * inertial_velocity_N(at, x.p_NB, x.v_NB));
+  const Vector3 ours_A =
+      from_rpy(0, 0, motion.autopilot_heading) * seen_v_IB(t.captured);
   v_off_A += kOwnVelocityShare * (t.v_IB - ours_A - v_off_A);
 }
 

@@ -17,35 +17,24 @@ namespace {
 constexpr double kRoomShare = 0.8;
 constexpr double kLeastRoom = 0.04;  // m; more exactly nothing lands in wind
 constexpr double kMostRoom = 0.2;    // m; beyond, something is wrong
-constexpr double kSizesAway = 2.5;   // sizes of the drone from the lens: it is in view
 constexpr double kThrownUp = 0.15;  // m; what thrust grew to as it lifted carries it on
 constexpr double kFarther = 1.8;    // times, to have that room
 constexpr double kPlaceRoom = 0.05;  // m; a landing begins where the drone is by then
-constexpr double kPlaceStep = 1 * kDegree;
-constexpr double kAboveTouchDown = 0.05;  // m; where a landing begins
-constexpr double kBeyondLeast = 0.545;    // m; time to settle, whatever its size
+constexpr double kBeyondLeast = 0.545;  // m; time to settle, whatever its size
 
-/// Where a landing may begin, above the pad, m.
-double lowest_place(const Rig& rig) {
-  return fitted_to(PlannerConfig{}, rig).touch_down_height_m + kAboveTouchDown;
-}
-
-/// So far from the lens along its optical axis; where that is lower than `lowest`, as
+/// So far from the lens along its optical axis; where no landing begins so low, as
 /// little above the axis as it takes to be higher and still in view, or farther off.
-Vector3 place_in_view(const Rig& rig, double distance, double lowest) {
-  const Pose& X_NC = rig.camera.X_NC;
-  const Vector3 on_axis = X_NC * Vector3(0, 0, distance);
-  if (on_axis.z() >= lowest) return on_axis;
-  const PlannerConfig plans = fitted_to({}, rig);
+Vector3 place_in_view(const Rig& rig, const PlannerConfig& plans, double distance) {
+  const Vector3 on_axis = above_axis(rig.camera, distance, 0);
+  if (on_axis.z() >= lowest_start_m(plans)) return on_axis;
+  const LandingView view(plans, rig);
   Vector3 best = on_axis;
   for (double farther = 1; farther <= kFarther; farther += 0.1) {
-    for (double up = 0; up < kPi / 2; up += kPlaceStep) {
-      // y of the lens points down.
-      const Vector3 ray(0, -std::sin(up), std::cos(up));
-      const Vector3 place = X_NC * Vector3(farther * distance * ray);
-      if (place.z() < lowest) continue;
+    for (double up = 0; up < kPi / 2; up += kUpStep) {
+      const Vector3 place = above_axis(rig.camera, farther * distance, up);
+      if (place.z() < lowest_start_m(plans)) continue;
       if (!in_view(rig.camera, rig.leds, place)) break;
-      if (room_in_view(plans, rig, place) >= kPlaceRoom) return place;
+      if (view.room(place, plans.tilt_max_deg).m >= kPlaceRoom) return place;
       if (best == on_axis) best = place;
     }
   }
@@ -109,14 +98,12 @@ Result<void> MissionConfig::validate() const {
 }
 
 MissionConfig places_for(MissionConfig config, const Rig& rig) {
-  const Pose& X_NC = rig.camera.X_NC;
-  const double reach = X_NC.translation().head<2>().norm();
-  const double needed = kSizesAway * rig.drone.size_m;
-  const double unit = std::max(reach, needed);
-  const double beyond = std::min(unit, std::max(needed, kBeyondLeast));
-  const double lowest = lowest_place(rig);
+  const double unit = view_unit_m(rig);
+  const double beyond =
+      std::min(unit, std::max(kSizesAway * rig.drone.size_m, kBeyondLeast));
+  const PlannerConfig plans = fitted_to({}, rig);
   const auto place = [&](double multiple) {
-    return place_in_view(rig, unit + (multiple - 1) * beyond, lowest);
+    return place_in_view(rig, plans, unit + (multiple - 1) * beyond);
   };
   if (config.rendezvous_point.isZero()) {
     config.rendezvous_point = place(config.rendezvous_distance);
@@ -150,14 +137,16 @@ MissionConfig places_for(MissionConfig config, const Rig& rig) {
 Result<void> check_places(const MissionConfig& config, const Rig& rig) {
   const MissionConfig placed = places_for(config, rig);
   const PlannerConfig plans = fitted_to({}, rig);
+  const LandingView view(plans, rig);
+  const double lowest = lowest_start_m(plans);
   for (const Vector3& place : {placed.follow_point, placed.rendezvous_point}) {
-    if (place.z() >= lowest_place(rig) && in_view(rig.camera, rig.leds, place) &&
-        room_in_view(plans, rig, place) >= 0) {
+    if (place.z() >= lowest && in_view(rig.camera, rig.leds, place) &&
+        view.room(place, plans.tilt_max_deg).m >= 0) {
       continue;
     }
     std::ostringstream text;
     text << std::fixed << std::setprecision(2) << "camera: it sees no place "
-         << place.head<2>().norm() << " m beyond the pad and " << lowest_place(rig)
+         << place.head<2>().norm() << " m beyond the pad and " << lowest
          << " m above it, where a landing begins: turn the camera up "
          << "(mount.rpy_deg), or take a wider lens";
     return fail(Fault::invalid_config, text.str());

@@ -129,10 +129,10 @@ PlanRequest Planner::Setting::with_return(const PlanRequest& request,
 }
 
 Escape Planner::escape(const PlanRequest& request) const {
-  if (complaint(request) != nullptr || config_.profile == Profile::paper) return {};
+  if (complaint(request) != nullptr || config().profile == Profile::paper) return {};
   LandingQp qp;
   for (const Beginning space :
-       beginnings(config_, setting_->rig, request.from, setting_->end)) {
+       beginnings(config(), setting_->rig, request.from, setting_->end)) {
     const Escape found =
         setting_->escape(setting_->with_return(request, space), 0, request.from,
                          space == Beginning::touch_down, true, qp);

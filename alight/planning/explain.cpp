@@ -141,10 +141,10 @@ Result<PlanDetails> Planner::explain(const PlanRequest& request) const {
   for (const LimitRow& row : setting_->limits_of(request, 1).force) {
     details.force.push_back({row.n, row.b, row.meaning});
   }
-  const ThrustRange thrust = thrust_range(config_, setting_->rig.drone);
+  const ThrustRange thrust = thrust_range(config(), setting_->rig.drone);
   details.thrust_least_m_s2 = thrust.least;
   details.thrust_most_m_s2 = thrust.most;
-  details.heading_rate_rad_s = heading_rate_max(config_, setting_->rig.drone);
+  details.heading_rate_rad_s = heading_rate_max(config(), setting_->rig.drone);
   return details;
 }
 

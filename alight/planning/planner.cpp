@@ -207,8 +207,10 @@ PlanResult Planner::Setting::run(const PlanRequest& request,
   return result;
 }
 
-Planner::Planner(const PlannerConfig& config, std::shared_ptr<const Setting> setting)
-    : config_(config), setting_(std::move(setting)) {}
+Planner::Planner(std::shared_ptr<const Setting> setting)
+    : setting_(std::move(setting)) {}
+
+const PlannerConfig& Planner::config() const { return setting_->config; }
 
 Result<Planner> Planner::create(const PlannerConfig& config, const Rig& rig) {
   if (const auto valid = config.validate(); !valid) return fail(valid.error());
@@ -218,8 +220,7 @@ Result<Planner> Planner::create(const PlannerConfig& config, const Rig& rig) {
   setting->rig = rig;
   setting->polyhedron = make_polyhedron(config.profile);
   setting->end = landing_end(config, rig);
-  const PlannerConfig fitted = setting->config;
-  return Planner(fitted, std::move(setting));
+  return Planner(std::move(setting));
 }
 
 PlanResult Planner::plan(const PlanRequest& request) const {

@@ -119,14 +119,13 @@ class Planner {
   Escape escape(const PlanRequest& request) const;
 
   /// As fitted to the rig.
-  const PlannerConfig& config() const { return config_; }
+  const PlannerConfig& config() const;
 
  private:
   struct Setting;
-  Planner(const PlannerConfig& config, std::shared_ptr<const Setting> setting);
+  explicit Planner(std::shared_ptr<const Setting> setting);
 
-  PlannerConfig config_;
-  std::shared_ptr<const Setting> setting_;  ///< Rig and limit faces, never changed.
+  std::shared_ptr<const Setting> setting_;  ///< Never changed.
 };
 
 /// planner.plan(request).

@@ -1,5 +1,7 @@
 #pragma once
-#include "alight/planning/planner.h"
+#include <array>
+
+#include "alight/planning/corridor.h"
 
 namespace alight {
 
@@ -10,10 +12,40 @@ namespace alight {
 ///   touch_down_height_m  above the drone's radius and its landing gear
 PlannerConfig fitted_to(PlannerConfig config, const Rig& rig);
 
-/// How far inside the picture, `view_border_px` from its edge, every LED of a drone at
-/// p_NB stays, leaning as far as planned and turned by up to 10 deg. m; less than 0: it
-/// does not.
-double room_in_view(const PlannerConfig& config, const Rig& rig, const Vector3& p_NB);
+/// How a drone that is turned by up to 10 deg is seen.
+class LandingView {
+ public:
+  LandingView(const PlannerConfig& config, const Rig& rig);
+
+  /// How far inside the picture, `view_border_px` from the edge where that is least,
+  /// every LED of a drone at p_NB stays, leaning by up to `tilt_deg`.
+  struct Room {
+    double m = 1e9;        ///< At the drone; less than 0: it does not.
+    double rad = 0;        ///< The same about the lens.
+    std::size_t edge = 0;  ///< Of view_planes.
+  };
+  Room room(const Vector3& p_NB, double tilt_deg) const;
+
+ private:
+  Constellation leds_;
+  Vector3 p_NC_;
+  std::array<ViewPlane, 4> planes_;
+  YawRange yaw_;
+  double spare_deg_;
+};
+
+/// So many sizes away from the lens a drone is in view.
+inline constexpr double kSizesAway = 2.5;
+/// From the lens to the pad, level, or that, if it is more. m
+double view_unit_m(const Rig& rig);
+
+/// Above the pad, where both spaces of a landing overlap: it may begin. m
+double lowest_start_m(const PlannerConfig& config);
+
+/// So far from the lens, `up` rad above its optical axis, in N.
+Vector3 above_axis(const Camera& camera, double distance, double up);
+/// Steps of `up` in which a place is looked for, rad.
+inline constexpr double kUpStep = 1 * kDegree;
 
 /// Whether a drone that stands on the pad can be seen to land: every LED above the pad
 /// and in the picture, `view_border_px` from its edge, while it leans by the least that
