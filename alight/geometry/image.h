@@ -2,6 +2,8 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "alight/geometry/mosaic.h"
+
 namespace alight {
 
 /// A picture that somebody else owns. Rows may be padded (`stride`).
@@ -12,6 +14,8 @@ struct ImageView {
   int height = 0;
   int channels = 3;
   std::ptrdiff_t stride = 0;  ///< bytes from one row to the next
+  /// Of three channels, which one each pixel has seen; the others are interpolated.
+  Mosaic mosaic = Mosaic::none;
 
   bool empty() const { return data == nullptr; }
   const std::uint8_t* row(int v) const { return data + v * stride; }

@@ -7,6 +7,7 @@
 #include "alight/base/result.h"
 #include "alight/geometry/camera.h"
 #include "alight/geometry/led_frame.h"
+#include "alight/geometry/mosaic.h"
 
 namespace alight {
 
@@ -83,6 +84,9 @@ struct Tag {
 struct Rig {
   Camera camera;
   CameraTiming timing;
+  /// Of a camera whose pictures keep what each pixel saw: raw ones, and those that were
+  /// interpolated to colours but neither compressed nor scaled.
+  Mosaic mosaic = Mosaic::none;
   Constellation leds;
   DroneSpec drone;
   PadSpec pad;

@@ -148,6 +148,13 @@ Result<void> save_jpeg(const std::string& path, const ImageView& image, int qual
   return save(path, as_mat(image), ".jpg", {cv::IMWRITE_JPEG_QUALITY, quality});
 }
 
+Image demosaiced(const Image& raw, Mosaic mosaic) {
+  assert(raw.channels == 1);
+  Image color(raw.width, raw.height, 3);
+  interpolate_colors(raw.data.data(), raw.width, raw.height, mosaic, color.data.data());
+  return color;
+}
+
 Image copy_of(const ImageView& image, Channels channels) {
   assert(!image.empty());
   return from_mat(converted(as_mat(image), channels));

@@ -50,6 +50,9 @@ Result<void> save_png(const std::string& path, const DepthView& depth);
 /// @pre quality in [1, 100]
 Result<void> save_jpeg(const std::string& path, const ImageView& image, int quality);
 
+/// As interpolate_colors. @pre one channel
+Image demosaiced(const Image& raw, Mosaic mosaic);
+
 /// A copy that owns its pixels.
 Image copy_of(const ImageView& image, Channels channels = Channels::as_stored);
 

@@ -183,6 +183,7 @@ struct ImageSource::State {
   int width = 0;
   int height = 0;
   double rate_hz = 60;
+  Mosaic mosaic = Mosaic::none;
   std::vector<Entry> entries;
   std::optional<cv::VideoCapture> video;
   int video_count = 0;
@@ -209,6 +210,7 @@ Result<ImageSource> ImageSource::open(const std::string& path, const Rig& rig) {
   state->width = rig.camera.intrinsics.width;
   state->height = rig.camera.intrinsics.height;
   state->rate_hz = rig.timing.rate_hz;
+  state->mosaic = rig.mosaic;
   std::error_code code;
   const fs::file_status status = fs::status(path, code);
   if (fs::is_directory(status)) {
@@ -282,11 +284,13 @@ Result<bool> ImageSource::State::next_video(SourceFrame& frame) {
 Result<bool> ImageSource::State::next_file(SourceFrame& frame) {
   if (next == entries.size()) return false;
   const Entry& entry = entries[next];
-  auto color = load_image(entry.file, Channels::color);
+  const bool raw = mosaic != Mosaic::none;
+  auto color = load_image(entry.file, raw ? Channels::as_stored : Channels::color);
   if (!color) return fail(color.error());
   if (auto good = check_size(entry.file, color->width, color->height); !good) {
     return fail(good.error());
   }
+  if (color->channels == 1 && raw) color = demosaiced(*color, mosaic);
   frame.depth = {};
   if (!entry.depth_file.empty()) {
     auto depth = load_depth(entry.depth_file);

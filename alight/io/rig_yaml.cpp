@@ -9,7 +9,9 @@
 namespace alight {
 namespace {
 
-void read_camera(YamlMap map, Intrinsics& lens, CameraTiming& timing) {
+void read_camera(YamlMap map, Rig& rig) {
+  Intrinsics& lens = rig.camera.intrinsics;
+  CameraTiming& timing = rig.timing;
   for (const char* key : {"width", "height", "fx", "fy", "cx", "cy"}) map.require(key);
   map.read("width", lens.width);
   map.read("height", lens.height);
@@ -22,6 +24,12 @@ void read_camera(YamlMap map, Intrinsics& lens, CameraTiming& timing) {
   map.read("exposure_ms", timing.exposure_ms);
   map.read("readout_ms", timing.readout_ms);
   map.read("frame_to_use_ms", timing.frame_to_use_ms);
+  map.read_choice("mosaic", rig.mosaic,
+                  {{"none", Mosaic::none},
+                   {"rggb", Mosaic::rggb},
+                   {"bggr", Mosaic::bggr},
+                   {"grbg", Mosaic::grbg},
+                   {"gbrg", Mosaic::gbrg}});
 }
 
 void read_mount(YamlMap map, Pose& X_NC) {
@@ -156,7 +164,7 @@ Result<Rig> load_rig(const std::string& path) {
     file.require("mount");
   }
   if (file.has("camera")) {
-    read_camera(file.map("camera"), rig.camera.intrinsics, rig.timing);
+    read_camera(file.map("camera"), rig);
   }
   if (file.has("mount")) read_mount(file.map("mount"), rig.camera.X_NC);
   read_leds(file, rig.leds);
@@ -217,6 +225,7 @@ std::string rig_text(const Rig& rig) {
   field("exposure_ms", rig.timing.exposure_ms);
   field("readout_ms", rig.timing.readout_ms);
   field("frame_to_use_ms", rig.timing.frame_to_use_ms);
+  if (rig.mosaic != Mosaic::none) list("mosaic", to_string(rig.mosaic));
   text += "mount:  # camera housing (x out of the lens, y left, z up) in N\n";
   list("xyz_m", list_text(X_NH.translation()));
   list("rpy_deg", list_text(rpy_deg_of(X_NH.linear())));

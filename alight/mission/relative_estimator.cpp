@@ -126,6 +126,7 @@ RelativeEstimator::RelativeEstimator(const RelativeEstimatorConfig& config,
       leds_(rig.leds),
       camera_written_(rig.camera),
       leds_written_(rig.leds),
+      mosaic_(rig.mosaic),
       exposure_(rig.timing.exposure_ms * 1e-3),
       detector_(std::move(detector)),
       finder_(std::move(finder)),
@@ -177,8 +178,10 @@ void RelativeEstimator::reckon(Time t, const Vector3& v_NB,
   filter_.update_velocity(v_NB + gained, config_.reckoned_sd_m_s);
 }
 
-bool RelativeEstimator::fuse(const CameraFrame& frame, const MotionSource& motion,
+bool RelativeEstimator::fuse(const CameraFrame& given, const MotionSource& motion,
                              FrameReport& out, Probe* probe) {
+  CameraFrame frame = given;
+  frame.color.mosaic = frame.color.channels == 3 ? mosaic_ : Mosaic::none;
   out = FrameReport{};
   out.t = frame.captured;
   if (frame.captured <= last_frame_) {

@@ -268,6 +268,7 @@ class RelativeEstimator {
   Constellation leds_;
   Camera camera_written_;
   Constellation leds_written_;
+  Mosaic mosaic_;
   Seconds exposure_;
   BlobDetector detector_;
   LedFinder finder_;

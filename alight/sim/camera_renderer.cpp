@@ -43,6 +43,7 @@ struct CameraRenderer::Parts {
       : config(c),
         camera(true_rig.camera),
         lens(true_rig.camera.intrinsics),
+        mosaic(true_rig.mosaic),
         exposure_scale(
             (c.exposure_ms > 0 ? c.exposure_ms : true_rig.timing.exposure_ms) /
             kNominalExposureMs),
@@ -55,11 +56,13 @@ struct CameraRenderer::Parts {
         depth(c, true_rig, rng.fork("depth")),
         spoiler(rng.fork("spoiler")) {}
 
+  void interpolate(ColorBuffer& color);
   void compress(ColorBuffer& color);
 
   CameraSimConfig config;
   Camera camera;
   Lens lens;
+  Mosaic mosaic;
   double exposure_scale;
   Rng frames;
   Background background;
@@ -72,6 +75,13 @@ struct CameraRenderer::Parts {
   std::vector<Spot> spots;
   std::vector<std::uint8_t> bytes;
 };
+
+void CameraRenderer::Parts::interpolate(ColorBuffer& color) {
+  const std::span<std::uint8_t> pixels = color.write_all();
+  bytes.resize(pixels.size() / 3);
+  take_own_colors(pixels.data(), color.width, color.height, mosaic, bytes.data());
+  interpolate_colors(bytes.data(), color.width, color.height, mosaic, pixels.data());
+}
 
 void CameraRenderer::Parts::compress(ColorBuffer& color) {
   const std::span<std::uint8_t> pixels = color.write_all();
@@ -145,6 +155,7 @@ Result<void> CameraRenderer::render(std::uint64_t frame_index,
     p.painter.paint(p.spots[i], shot, color);
   }
   if (trouble != nullptr) p.spoiler.spoil(*trouble, frame.fork("trouble"), color);
+  if (p.mosaic != Mosaic::none) p.interpolate(color);
   if (p.config.jpeg > 0) p.compress(color);
 
   if (depth != nullptr) {

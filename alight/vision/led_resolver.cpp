@@ -49,6 +49,7 @@ constexpr double kNearPx = 6, kMovedPx = 0.15, kChanged = 0.3;
 constexpr int kSkirtMemory = 60;  // looks
 constexpr int kSkirtEvery = 4;    // pictures, once it is known
 constexpr double kSkirtBlur = 1;  // px; a longer streak has another skirt
+constexpr int kColorMemory = 30;  // times an LED is seen alone
 constexpr int kLampReach = 3;     // px around a lamp that its light reaches
 // A light of its own is about as long as wide, in px^2 of variance, once its way during
 // the exposure is taken off; noise makes a small one longer than that.
@@ -172,11 +173,31 @@ void LedResolver::learn(const Patch& patch) {
   for (std::size_t k = 0; k < patch.members.size(); ++k) {
     heights_[static_cast<std::size_t>(patch.members[k])] = fit.height[k];
   }
+  if (fit.count == 1 && known(fit.color)) learn_color(patch.members[0], fit.color);
   // How large residuals are that this camera leaves: its noise, and what the model of
   // a light lacks.
   judged_ = std::min(judged_ + 1, config_.spread_memory);
   noise_ +=
       (std::clamp(fit.chi2_per_pixel, kNoiseLeast, kNoiseMost) - noise_) / judged_;
+}
+
+LightColor LedResolver::color_of(int led) const {
+  const auto i = static_cast<std::size_t>(led);
+  if (colors_seen_[i] > 0) return colors_[i];
+  // LEDs that are written down alike look alike.
+  for (int k = 0; k < leds_.size(); ++k) {
+    const auto n = static_cast<std::size_t>(k);
+    if (colors_seen_[n] > 0 && leds_.color(k) == leds_.color(led)) return colors_[n];
+  }
+  return {};
+}
+
+void LedResolver::learn_color(int led, const LightColor& color) {
+  const auto i = static_cast<std::size_t>(led);
+  colors_seen_[i] = std::min(colors_seen_[i] + 1, kColorMemory);
+  for (std::size_t c = 0; c < color.size(); ++c) {
+    colors_[i][c] += (color[c] - colors_[i][c]) / static_cast<float>(colors_seen_[i]);
+  }
 }
 
 void LedResolver::compare_lights(const Look& look, const Patches& patches,
@@ -294,7 +315,7 @@ LedResolver::Look LedResolver::look_at(const ImageView& image, BlobSpan blobs,
   for (int i = 0; i < leds_.size(); ++i) {
     const auto n = static_cast<std::size_t>(i);
     if (images.in_front[n] && ((lit_ >> i) & 1)) {
-      look.lights[n] = {images.uv[n], heights_[n]};
+      look.lights[n] = {images.uv[n], heights_[n], color_of(i)};
     }
   }
   return look;
@@ -336,22 +357,20 @@ void LedResolver::fit(Look& look, Patch& patch) const {
   const auto count = static_cast<double>(patch.members.size());
   if (patch.members.size() > kMaxGroup) return;
   if (patch.area_px > config_.area_max_px * count) return;
-  FixedVector<Vector2, kMaxGroup> starts;
-  FixedVector<double, kMaxGroup> heights;
+  FixedVector<LightSought, kMaxGroup> sought;
   Vector2 blur = Vector2::Zero();
   for (const int i : patch.members) {
     const auto n = static_cast<std::size_t>(i);
-    starts.push_back(look.images.uv[n]);
-    heights.push_back(heights_[n]);
+    sought.push_back({look.images.uv[n], heights_[n], color_of(i)});
     blur += look.blur_px[n] / count;
   }
   const int first = match.blob[static_cast<std::size_t>(patch.members[0])];
-  if (starts.size() == 1 && first >= 0) {
-    starts[0] = blobs[static_cast<std::size_t>(first)].uv;
+  if (sought.size() == 1 && first >= 0) {
+    sought[0].uv = blobs[static_cast<std::size_t>(first)].uv;
   }
   FixedVector<ForeignLight, 32> foreign;
   for (std::size_t j = 0; j < blobs.size(); ++j) {
-    if ((blobs[j].uv - starts[0]).cwiseAbs().maxCoeff() > kForeignReach) continue;
+    if ((blobs[j].uv - sought[0].uv).cwiseAbs().maxCoeff() > kForeignReach) continue;
     const bool used = std::find(match.blob.begin(), match.blob.end(),
                                 static_cast<int>(j)) != match.blob.end();
     if (used) continue;
@@ -364,26 +383,26 @@ void LedResolver::fit(Look& look, Patch& patch) const {
                                          i) != patch.members.end()) {
       continue;
     }
-    const auto near = [&](const Vector2& uv) {
-      return (uv - light.uv).norm() < kBesidePx;
+    const auto near = [&](const LightSought& own) {
+      return (own.uv - light.uv).norm() < kBesidePx;
     };
-    if (std::any_of(starts.begin(), starts.end(), near)) beside.push_back(light);
+    if (std::any_of(sought.begin(), sought.end(), near)) beside.push_back(light);
   }
-  auto found = fit_spots(look.image, {starts.data(), starts.size()},
-                         {heights.data(), heights.size()}, spread_, blur,
+  auto found = fit_spots(look.image, {sought.data(), sought.size()}, spread_, blur,
                          {foreign.data(), foreign.size()},
                          {beside.data(), beside.size()}, &patch.unlike);
   if (!found) return;
   if (patch.area_px == 0 &&
       (found->height[0] < kDimLeast * std::sqrt(spread_.noise_variance / kNoiseUsual) ||
-       (found->uv[0] - starts[0]).norm() > config_.dim_reach_px)) {
+       (found->uv[0] - sought[0].uv).norm() > config_.dim_reach_px)) {
     return;
   }
   if (patch.fit && found->chi2_per_pixel > patch.fit->chi2_per_pixel) return;
   patch.fit = found;
   for (std::size_t k = 0; k < patch.members.size(); ++k) {
-    look.lights[static_cast<std::size_t>(patch.members[k])] = {found->uv[k],
-                                                               found->height[k]};
+    const auto n = static_cast<std::size_t>(patch.members[k]);
+    look.lights[n] = {found->uv[k], found->height[k], sought[k].color};
+    if (!known(sought[k].color)) look.lights[n].color = found->color;
   }
 }
 
@@ -407,7 +426,8 @@ void LedResolver::look_around(const Look& look, const Patches& patches,
         continue;
       }
       seen = seen || i == led;
-      const LightBeside light{patch.fit->uv[k], patch.fit->height[k]};
+      const LightBeside light{patch.fit->uv[k], patch.fit->height[k],
+                              look.lights[i].color};
       if ((light.uv - middle).norm() < 3 * kSkirtBox) lights.push_back(light);
     }
   }

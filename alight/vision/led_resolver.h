@@ -88,6 +88,8 @@ class LedResolver {
   Patches patches(const LedImages& images, BlobSpan blobs,
                   const Assignment& match) const;
   void learn(const Patch& patch);
+  void learn_color(int led, const LightColor& color);
+  LightColor color_of(int led) const;
   void learn_spread(const Patch& patch);
   void add(const Patch& patch, BlobSpan blobs, const Assignment& match,
            LedFrame& out) const;
@@ -115,7 +117,9 @@ class LedResolver {
   Camera camera_;
   Constellation leds_;
   PointSpread spread_;
-  std::array<double, kMaxLeds> heights_{};  // grey levels; 0: not known
+  std::array<double, kMaxLeds> heights_{};   // grey levels; 0: not known
+  std::array<LightColor, kMaxLeds> colors_{};  // under a mosaic, each told by
+  std::array<int, kMaxLeds> colors_seen_{};    // so many looks, at most kColorMemory
   LightShare share_, area_share_;
   std::uint16_t lit_ = 0;  // LEDs seen the last time
   double noise_ = 1;       // chi2 per pixel to be expected,

@@ -11,7 +11,8 @@ namespace alight {
 namespace {
 
 constexpr int kGrid = 16;   // rows, and columns
-constexpr int kAside = 3;   // px between neighbours: demosaicing blurs nearer ones
+constexpr int kAside = 3;   // px between neighbours: demosaicing blurs nearer ones;
+constexpr int kAlike = 4;   // to the next pixel but one under the same colour
 constexpr int kShift = 5;   // px by which the columns of a row lie off those above
 constexpr double kSds = 5;  // from which on a pixel is more than noise
 // sd of a Gaussian over the median of how much two draws of it differ
@@ -35,28 +36,33 @@ class CountedMedian {
   std::array<int, 256> counts_{};
 };
 
-template <int kChannels>
+template <int kChannels, bool kMosaic = false>
 PictureNoise noise_of(const ImageView& picture) {
   CountedMedian grey, grey_steps, luminance_steps;
   constexpr int channels = kChannels;
-  const int room = std::max(picture.width - kAside, 1);
+  constexpr int kApart = kMosaic ? kAlike : kAside;
+  const int room = std::max(picture.width - kApart, 1);
   std::array<int, kGrid> first;  // column of each, in the first row
   for (int j = 0; j < kGrid; ++j) {
     first[static_cast<std::size_t>(j)] = (2 * j + 1) * room / (2 * kGrid);
   }
   for (int i = 0; i < kGrid; ++i) {
-    const std::uint8_t* row = picture.row((2 * i + 1) * picture.height / (2 * kGrid));
+    const int v = (2 * i + 1) * picture.height / (2 * kGrid);
+    const std::uint8_t* row = picture.row(v);
     for (int u : first) {
       u += i * kShift;
       if (u >= room) u %= room;
-      const int aside = std::min(u + kAside, picture.width - 1);
+      const int aside = std::min(u + kApart, picture.width - 1);
       const std::uint8_t* a = row + u * channels;
       const std::uint8_t* b = row + aside * channels;
       const int level = grey_of(a, channels);
       grey.add(level);
       grey_steps.add(std::abs(level - grey_of(b, channels)));
-      const float step =
-          std::abs(luminance_of(a, channels) - luminance_of(b, channels));
+      const auto light = [&](const std::uint8_t* p) {
+        if constexpr (kMosaic) return seen_at(p, picture.mosaic, u, v);
+        return luminance_of(p, channels);
+      };
+      const float step = std::abs(light(a) - light(b));
       luminance_steps.add(static_cast<int>(step / kLuminanceStep + 0.5F));
     }
   }
@@ -77,7 +83,9 @@ int PictureNoise::threshold() const {
 }
 
 PictureNoise picture_noise(const ImageView& picture) {
-  return picture.channels == 1 ? noise_of<1>(picture) : noise_of<3>(picture);
+  if (picture.channels == 1) return noise_of<1>(picture);
+  return picture.mosaic == Mosaic::none ? noise_of<3>(picture)
+                                        : noise_of<3, true>(picture);
 }
 
 }  // namespace alight

@@ -8,7 +8,8 @@ struct PictureNoise {
   int dark = 0;        ///< Grey level of most of the picture, of the brightest
                        ///< channel as BlobDetector's,
   double grey_sd = 0;  ///< and the noise of it.
-  double luminance_variance = 0;  ///< Of a pixel's luminance (ITU-R BT.601).
+  double luminance_variance = 0;  ///< Of a pixel's luminance (ITU-R BT.601), or of what
+                                  ///< each pixel under a mosaic sees.
 
   /// Grey level above which a pixel is more than noise: of a picture of 400,000 about
   /// five are not.

@@ -2,6 +2,8 @@
 #include <algorithm>
 #include <cstdint>
 
+#include "alight/geometry/image.h"
+
 namespace alight {
 
 /// Grey of the pixel at `p` as LEDs are looked for: of its brightest channel, so that a
@@ -11,9 +13,20 @@ inline int grey_of(const std::uint8_t* p, int channels) {
   return channels == 1 ? p[0] : std::max<int>(std::max<int>(p[0], p[1]), p[2]);
 }
 
-/// Luminance of the pixel at `p` (ITU-R BT.601), grey levels.
+/// What the sensor has seen at the pixel `p` of (u, v), grey levels. @pre a mosaic
+inline float seen_at(const std::uint8_t* p, Mosaic mosaic, int u, int v) {
+  return p[channel_at(mosaic, u, v)];
+}
+
+/// Luminance of blue, green and red (ITU-R BT.601).
+template <class T>
+inline float luminance_of(const T* p) {
+  return 0.114f * p[0] + 0.587f * p[1] + 0.299f * p[2];
+}
+
+/// Luminance of the pixel at `p`, grey levels.
 inline float luminance_of(const std::uint8_t* p, int channels) {
-  return channels == 1 ? p[0] : 0.114f * p[0] + 0.587f * p[1] + 0.299f * p[2];
+  return channels == 1 ? p[0] : luminance_of(p);
 }
 
 }  // namespace alight

@@ -24,6 +24,8 @@ constexpr double kShiftMax = 2.5;     // px
 constexpr double kChi2Max = 12;       // per pixel
 constexpr int kIterations = 5;
 constexpr double kStepPx = 0.06;
+constexpr int kColorRounds = 2;    // until a colour that is not known is told
+constexpr float kColorTold = 100;  // a colour's height is known to a tenth of it
 
 constexpr auto kSkirt = static_cast<float>(1 / PointSpread::kSkirtVariance);
 
@@ -34,21 +36,33 @@ constexpr double kSkirtInformationLeast = 1;
 constexpr int kLane = 8;         // pixels go through the machine in eights
 constexpr int kPixelsMax = 512;  // a multiple of kLane
 
+/// How bright a pixel is for what it is made of: by the sort of picture.
+enum class Sees { luminance, own_color };
+
 /// The pixels around the lights. Past `count`, up to a whole lane, they weigh nothing.
 struct Pixels {
   static constexpr std::size_t kRoom = kPixelsMax + kLane;
   int count = 0, padded = 0;
   alignas(32) std::array<float, kRoom> u, v, light, weight;
   alignas(32) std::array<float, kRoom> full;  // 1: at the sensor's upper end
+  std::array<std::uint8_t, kRoom> channel;    // That each one sees, under a mosaic.
 };
 
-/// Luminance and whether a channel is at its upper end.
-inline void take(const std::uint8_t* p, int channels, int u, int v, std::size_t at,
-                 Pixels& out) {
+/// Luminance and whether a channel is at its upper end; under a mosaic its own colour.
+template <Sees kSees>
+ALIGHT_INLINE void take(const std::uint8_t* p, const ImageView& image, int u, int v,
+                        std::size_t at, Pixels& out) {
   out.u[at] = static_cast<float>(u);
   out.v[at] = static_cast<float>(v);
-  out.light[at] = luminance_of(p, channels);
-  out.full[at] = grey_of(p, channels) >= kCensored ? 1.f : 0.f;
+  if constexpr (kSees == Sees::luminance) {
+    out.light[at] = luminance_of(p, image.channels);
+    out.full[at] = grey_of(p, image.channels) >= kCensored ? 1.f : 0.f;
+  } else {
+    const int channel = channel_at(image.mosaic, u, v);
+    out.channel[at] = static_cast<std::uint8_t>(channel);
+    out.light[at] = p[channel];
+    out.full[at] = p[channel] >= kCensored ? 1.f : 0.f;
+  }
 }
 
 /// How much each counts; and up to a whole lane.
@@ -63,16 +77,18 @@ ALIGHT_INLINE void weigh(float noise, Pixels& out) {
     out.v[count] = out.v[0];
     out.light[count] = out.light[0];
     out.full[count] = out.weight[count] = 0;
+    out.channel[count] = 0;
   }
   out.padded = static_cast<int>(count);
 }
 
-bool gather(const ImageView& image, std::span<const Vector2> starts, double reach,
+template <Sees kSees>
+bool gather(const ImageView& image, std::span<const LightSought> sought, double reach,
             float noise, std::span<const ForeignLight> foreign, Pixels& out) {
-  Vector2 low = starts[0], high = starts[0];
-  for (const Vector2& uv : starts) {
-    low = low.cwiseMin(uv);
-    high = high.cwiseMax(uv);
+  Vector2 low = sought[0].uv, high = sought[0].uv;
+  for (const LightSought& light : sought) {
+    low = low.cwiseMin(light.uv);
+    high = high.cwiseMax(light.uv);
   }
   // Cut before the cast: a start far outside does not fit an int.
   if (!(low.minCoeff() > reach && high.x() < image.width - reach - 1 &&
@@ -88,29 +104,50 @@ bool gather(const ImageView& image, std::span<const Vector2> starts, double reac
   std::size_t count = 0;
   for (int v = v0; v < v1; ++v) {
     std::array<float, kMaxGroup> u_start, dv2;
-    for (std::size_t k = 0; k < starts.size(); ++k) {
-      const float dv = static_cast<float>(v) - static_cast<float>(starts[k].y());
-      u_start[k] = static_cast<float>(starts[k].x());
+    for (std::size_t k = 0; k < sought.size(); ++k) {
+      const float dv = static_cast<float>(v) - static_cast<float>(sought[k].uv.y());
+      u_start[k] = static_cast<float>(sought[k].uv.x());
       dv2[k] = dv * dv;
     }
     const std::uint8_t* p = image.row(v) + u0 * channels;
     for (int u = u0; u < u1; ++u, p += channels) {
       bool near = false;
-      for (std::size_t k = 0; k < starts.size(); ++k) {
+      for (std::size_t k = 0; k < sought.size(); ++k) {
         const float du = static_cast<float>(u) - u_start[k];
         near |= du * du + dv2[k] <= reach2;
       }
       for (const ForeignLight& light : foreign) near = near && !light.covers(u, v);
       // Taken, and kept if it is near: a branch at each rim would cost more.
-      take(p, channels, u, v, count, out);
+      take<kSees>(p, image, u, v, count, out);
       count += near ? 1 : 0;
       if (count > kPixelsMax) return false;
     }
   }
-  if (count <= 3 * starts.size() + 4) return false;
+  if (count <= 3 * sought.size() + 4) return false;
   out.count = static_cast<int>(count);
   weigh(noise, out);
   return true;
+}
+
+/// What all of the lights together look like. Interpolation moves light, but none gets
+/// lost by it.
+LightColor color_of(const ImageView& image, const Pixels& pixels) {
+  std::array<float, 3> sum{}, least{255, 255, 255};
+  for (int i = 0; i < pixels.count; ++i) {
+    const auto at = static_cast<std::size_t>(i);
+    const std::uint8_t* p = image.row(static_cast<int>(pixels.v[at])) +
+                            static_cast<int>(pixels.u[at]) * 3;
+    for (std::size_t c = 0; c < 3; ++c) {
+      sum[c] += p[c];
+      least[c] = std::min<float>(least[c], p[c]);
+    }
+  }
+  for (std::size_t c = 0; c < 3; ++c) {
+    sum[c] -= least[c] * static_cast<float>(pixels.count);
+  }
+  const float luminance = luminance_of(sum.data());
+  if (!(luminance > 0)) return {1, 1, 1};
+  return {sum[0] / luminance, sum[1] / luminance, sum[2] / luminance};
 }
 
 float full_share(const Pixels& pixels) {
@@ -136,6 +173,7 @@ ALIGHT_INLINE float exp_of(float x) {
 }
 
 /// Takes the light of those beside off every pixel.
+template <Sees kSees>
 void take_off(std::span<const LightBeside> beside, const PointSpread& spread,
               const Vector2& blur, Pixels& pixels) {
   const double s2 = spread.variance_px2;
@@ -153,7 +191,9 @@ void take_off(std::span<const LightBeside> beside, const PointSpread& spread,
       const auto at = static_cast<std::size_t>(i);
       const float du = pixels.u[at] - u, dv = pixels.v[at] - v;
       const float x = -0.5f * (i_uu * du * du + 2 * i_uv * du * dv + i_vv * dv * dv);
-      pixels.light[at] -= peak * (exp_of(x) + skirt * exp_of(kSkirt * x));
+      float light = peak * (exp_of(x) + skirt * exp_of(kSkirt * x));
+      if constexpr (kSees == Sees::own_color) light *= other.color[pixels.channel[at]];
+      pixels.light[at] -= light;
     }
   }
 }
@@ -193,6 +233,9 @@ ALIGHT_INLINE float dot(const float* a, const float* b, int n) {
 /// variance.
 template <int K>
 struct Lights {
+  /// What each pixel sees of it, under a mosaic.
+  using Gain = std::array<float, Pixels::kRoom>;
+
   std::array<Vector2, K> uv;
   std::array<float, K> height;
   float back = 0;
@@ -209,8 +252,9 @@ struct Equations {
   double cost = 0;
 };
 
-template <int K>
+template <int K, Sees kSees>
 ALIGHT_INLINE void equations_of(const Pixels& pixels, const Lights<K>& lights,
+                                const typename Lights<K>::Gain* gains,
                                 const PointSpread& spread, const Vector2& blur,
                                 Equations<K>& out) {
   using Of = Equations<K>;
@@ -247,7 +291,12 @@ ALIGHT_INLINE void equations_of(const Pixels& pixels, const Lights<K>& lights,
       const float dv = pixels.v[static_cast<std::size_t>(i)] - v;
       const float e_u = i_uu * du + i_uv * dv, e_v = i_uv * du + i_vv * dv;
       const float x = -0.5f * (du * e_u + dv * e_v);
-      const float core = exp_of(x), wide = skirt * exp_of(kSkirt * x);
+      float core = exp_of(x), wide = skirt * exp_of(kSkirt * x);
+      if constexpr (kSees == Sees::own_color) {
+        const float gain = gains[k][static_cast<std::size_t>(i)];
+        core *= gain;
+        wide *= gain;
+      }
       const float slope = peak * (core + kSkirt * wide);
       r[i] -= peak * (core + wide);
       J_u[i] = slope * e_u;
@@ -272,27 +321,63 @@ ALIGHT_INLINE void equations_of(const Pixels& pixels, const Lights<K>& lights,
 }
 
 #if defined(ALIGHT_WIDE)
-template <int K>
+template <int K, Sees kSees>
 ALIGHT_WIDE void equations_wide(const Pixels& pixels, const Lights<K>& lights,
+                                const typename Lights<K>::Gain* gains,
                                 const PointSpread& spread, const Vector2& blur,
                                 Equations<K>& out) {
-  equations_of(pixels, lights, spread, blur, out);
+  equations_of<K, kSees>(pixels, lights, gains, spread, blur, out);
 }
 #endif
 
-template <int K>
-void equations(const Pixels& pixels, const Lights<K>& lights, const PointSpread& spread,
+template <int K, Sees kSees>
+void equations(const Pixels& pixels, const Lights<K>& lights,
+               const typename Lights<K>::Gain* gains, const PointSpread& spread,
                const Vector2& blur, Equations<K>& out) {
 #if defined(ALIGHT_WIDE)
-  if (is_wide()) return equations_wide(pixels, lights, spread, blur, out);
+  if (is_wide()) {
+    return equations_wide<K, kSees>(pixels, lights, gains, spread, blur, out);
+  }
 #endif
-  equations_of(pixels, lights, spread, blur, out);
+  equations_of<K, kSees>(pixels, lights, gains, spread, blur, out);
 }
 
+/// What the pixels that see a colour have of lights of one colour, for each that there
+/// is; nothing at all where pixels of one of them hardly tell.
 template <int K>
-std::optional<SpotFit> fit(const Pixels& pixels, std::span<const Vector2> starts,
-                           std::span<const double> heights, const PointSpread& spread,
-                           const Vector2& blur) {
+LightColor color_of(const Pixels& pixels, const Lights<K>& lights,
+                    const PointSpread& spread, const Vector2& blur) {
+  const double s2 = spread.variance_px2 * lights.width;
+  const Matrix2 image = s2 * Matrix2::Identity() + blur * blur.transpose() / 12;
+  const Matrix2 by_image = image.inverse();
+  const auto skirt = static_cast<float>(spread.skirt);
+  std::array<float, 3> seen{}, shape2{};
+  for (int i = 0; i < pixels.count; ++i) {
+    const auto at = static_cast<std::size_t>(i);
+    float light = 0;
+    for (std::size_t k = 0; k < K; ++k) {
+      const Vector2 d = Vector2(pixels.u[at], pixels.v[at]) - lights.uv[k];
+      const auto x = static_cast<float>(-0.5 * d.dot(by_image * d));
+      light += lights.height[k] * (exp_of(x) + skirt * exp_of(kSkirt * x));
+    }
+    const float weight = (1 - pixels.full[at]) * pixels.weight[at] * light;
+    seen[pixels.channel[at]] += weight * (pixels.light[at] - lights.back);
+    shape2[pixels.channel[at]] += weight * light;
+  }
+  LightColor color;
+  for (std::size_t c = 0; c < 3; ++c) {
+    if (!(shape2[c] > kColorTold)) return {};
+    color[c] = std::max(seen[c] / shape2[c], 0.0f);
+  }
+  const float luminance = luminance_of(color.data());
+  if (!(luminance > 0)) return {};
+  for (float& c : color) c /= luminance;
+  return color;
+}
+
+template <int K, Sees kSees>
+std::optional<SpotFit> fit(const Pixels& pixels, std::span<const LightSought> sought,
+                           const PointSpread& spread, const Vector2& blur) {
   using Of = Equations<K>;
   constexpr int kBack = Of::kBack, kWidth = Of::kWidth, kN = Of::kN;
   using Vector = Eigen::Matrix<float, kN, 1>;
@@ -312,20 +397,31 @@ std::optional<SpotFit> fit(const Pixels& pixels, std::span<const Vector2> starts
   const float bright = *std::max_element(brightest, brightest + kLane);
   Lights<K> lights;
   auto& [uv, height, back, width] = lights;
-  for (int k = 0; k < K; ++k) {
-    uv[static_cast<std::size_t>(k)] = starts[static_cast<std::size_t>(k)];
-    const auto at = static_cast<std::size_t>(k);
-    const bool known = at < heights.size() && heights[at] > 0;
-    height[at] = known ? static_cast<float>(heights[at]) : 0.8f * (bright - dark);
+  for (std::size_t k = 0; k < K; ++k) {
+    uv[k] = sought[k].uv;
+    height[k] = sought[k].height > 0 ? static_cast<float>(sought[k].height)
+                                     : 0.8f * (bright - dark);
   }
   back = dark;
+  constexpr bool kOwnColor = kSees == Sees::own_color;
+  alignas(32) std::array<typename Lights<K>::Gain, kOwnColor ? K : 0> gains;
+  if constexpr (kOwnColor) {
+    for (std::size_t k = 0; k < K; ++k) {
+      const LightColor& color = sought[k].color;
+      for (std::size_t i = 0; i < static_cast<std::size_t>(pixels.padded); ++i) {
+        gains[k][i] = color[pixels.channel[i]];
+      }
+      if (sought[k].height > 0) continue;
+      height[k] /= *std::max_element(color.begin(), color.end());
+    }
+  }
 
   SpotFit out;
   out.count = K;
   Of now;
   auto& [A, g, cost] = now;
   for (int iteration = 0;; ++iteration) {
-    equations(pixels, lights, spread, blur, now);
+    equations<K, kSees>(pixels, lights, gains.data(), spread, blur, now);
     const auto share2 = static_cast<float>(spread.share_sd * spread.share_sd);
     constexpr auto back2 = static_cast<float>(kBackgroundSd * kBackgroundSd);
     A(kBack, kBack) += 1 / back2;
@@ -340,7 +436,7 @@ std::optional<SpotFit> fit(const Pixels& pixels, std::span<const Vector2> starts
       const auto at = static_cast<std::size_t>(k);
       damped(3 * k, 3 * k) += 1 / start2;
       damped(3 * k + 1, 3 * k + 1) += 1 / start2;
-      const Vector2 off = uv[at] - starts[at];
+      const Vector2 off = uv[at] - sought[at].uv;
       g[3 * k] -= static_cast<float>(off.x()) / start2;
       g[3 * k + 1] -= static_cast<float>(off.y()) / start2;
     }
@@ -369,7 +465,7 @@ std::optional<SpotFit> fit(const Pixels& pixels, std::span<const Vector2> starts
   if (!(out.chi2_per_pixel < kChi2Max)) return std::nullopt;
   for (int k = 0; k < K; ++k) {
     const auto n = static_cast<std::size_t>(k);
-    if ((uv[n] - starts[n]).norm() > kShiftMax) return std::nullopt;
+    if ((uv[n] - sought[n].uv).norm() > kShiftMax) return std::nullopt;
     out.uv[n] = uv[n];
     out.height[n] = static_cast<double>(height[n]);
   }
@@ -398,9 +494,16 @@ std::optional<SpotFit> fit(const Pixels& pixels, std::span<const Vector2> starts
   out.variance_information =
       (H(kWidth, kWidth) - 1 / (spread.share_sd * spread.share_sd)) /
       (spread.variance_px2 * spread.variance_px2);
+  if constexpr (kOwnColor) {
+    const bool alike = std::all_of(sought.begin(), sought.end(), [&](const auto& one) {
+      return one.color == sought[0].color;
+    });
+    if (alike) out.color = color_of(pixels, lights, spread, blur);
+  }
   return out;
 }
 
+template <Sees kSees>
 ALIGHT_INLINE std::optional<SkirtLook> skirt_of(const ImageView& image,
                                                 const Vector2& middle,
                                                 std::span<const LightBeside> lights,
@@ -418,7 +521,7 @@ ALIGHT_INLINE std::optional<SkirtLook> skirt_of(const ImageView& image,
   for (int v = v0; v <= v0 + 2 * kSkirtBox; ++v) {
     const std::uint8_t* p = image.row(v) + u0 * image.channels;
     for (int u = u0; u <= u0 + 2 * kSkirtBox; ++u, p += image.channels) {
-      take(p, image.channels, u, v, count++, pixels);
+      take<kSees>(p, image, u, v, count++, pixels);
     }
   }
   pixels.count = static_cast<int>(count);
@@ -440,9 +543,17 @@ ALIGHT_INLINE std::optional<SkirtLook> skirt_of(const ImageView& image,
       float* const core_row = core + row * kBoxSide;
       float* const wide_row = wide + row * kBoxSide;
       float* const weight_row = pixels.weight.data() + row * kBoxSide;
+      float gain[kBoxSide];
       for (int k = 0; k < kBoxSide; ++k) {
-        core_row[k] += core_v * along.core[k];
-        wide_row[k] += wide_v * along.wide[k];
+        gain[k] = 1;
+        if constexpr (kSees == Sees::own_color) {
+          const auto at = static_cast<std::size_t>(row * kBoxSide + k);
+          gain[k] = light.color[pixels.channel[at]];
+        }
+      }
+      for (int k = 0; k < kBoxSide; ++k) {
+        core_row[k] += core_v * along.core[k] * gain[k];
+        wide_row[k] += wide_v * along.wide[k] * gain[k];
         weight_row[k] *= d2_v + along.d2[k] < kSkirtFrom * kSkirtFrom ? 0.f : 1.f;
       }
     }
@@ -469,13 +580,76 @@ ALIGHT_INLINE std::optional<SkirtLook> skirt_of(const ImageView& image,
 }
 
 #if defined(ALIGHT_WIDE)
+template <Sees kSees>
 ALIGHT_WIDE std::optional<SkirtLook> skirt_wide(const ImageView& image,
                                                 const Vector2& middle,
                                                 std::span<const LightBeside> lights,
                                                 const PointSpread& spread) {
-  return skirt_of(image, middle, lights, spread);
+  return skirt_of<kSees>(image, middle, lights, spread);
 }
 #endif
+
+template <Sees kSees>
+std::optional<SkirtLook> skirt(const ImageView& image, const Vector2& middle,
+                               std::span<const LightBeside> lights,
+                               const PointSpread& spread) {
+#if defined(ALIGHT_WIDE)
+  if (is_wide()) return skirt_wide<kSees>(image, middle, lights, spread);
+#endif
+  return skirt_of<kSees>(image, middle, lights, spread);
+}
+
+template <Sees kSees>
+std::optional<SpotFit> fit_as(const ImageView& image,
+                              std::span<const LightSought> sought,
+                              const PointSpread& spread, const Vector2& blur_px,
+                              std::span<const ForeignLight> foreign,
+                              std::span<const LightBeside> beside, bool* unlike) {
+  Pixels pixels;
+  if (!gather<kSees>(image, sought, spot_reach_px(spread, blur_px),
+                     static_cast<float>(spread.noise_variance), foreign, pixels)) {
+    return std::nullopt;
+  }
+  if (full_share(pixels) > kFullMost) return std::nullopt;
+  std::array<LightSought, kSees == Sees::own_color ? kMaxGroup : 0> colored;
+  bool all_known = true;
+  if constexpr (kSees == Sees::own_color) {
+    const LightColor common = color_of(image, pixels);
+    for (std::size_t k = 0; k < sought.size(); ++k) {
+      colored[k] = sought[k];
+      if (known(sought[k].color)) continue;
+      colored[k].color = common;
+      all_known = false;
+    }
+    sought = {colored.data(), sought.size()};
+  }
+  take_off<kSees>(beside, spread, blur_px, pixels);
+  const auto fitted = [&] {
+    switch (sought.size()) {
+      case 1:
+        return fit<1, kSees>(pixels, sought, spread, blur_px);
+      case 2:
+        return fit<2, kSees>(pixels, sought, spread, blur_px);
+      case 3:
+        return fit<3, kSees>(pixels, sought, spread, blur_px);
+      default:
+        return fit<4, kSees>(pixels, sought, spread, blur_px);
+    }
+  };
+  auto found = fitted();
+  if constexpr (kSees == Sees::own_color) {
+    for (int i = 0; i < kColorRounds && !all_known && found; ++i) {
+      if (!known(found->color)) break;
+      for (std::size_t k = 0; k < sought.size(); ++k) {
+        colored[k].color = found->color;
+        colored[k].height = found->height[k];
+      }
+      found = fitted();
+    }
+  }
+  if (unlike != nullptr) *unlike = !found;
+  return found;
+}
 
 }  // namespace
 
@@ -485,43 +659,23 @@ double spot_reach_px(const PointSpread& spread, const Vector2& blur_px) {
 }
 
 std::optional<SpotFit> fit_spots(const ImageView& image,
-                                 std::span<const Vector2> starts,
-                                 std::span<const double> heights,
+                                 std::span<const LightSought> sought,
                                  const PointSpread& spread, const Vector2& blur_px,
                                  std::span<const ForeignLight> foreign,
                                  std::span<const LightBeside> beside, bool* unlike) {
   if (unlike != nullptr) *unlike = false;
-  if (starts.empty() || starts.size() > kMaxGroup) return std::nullopt;
-  Pixels pixels;
-  if (!gather(image, starts, spot_reach_px(spread, blur_px),
-              static_cast<float>(spread.noise_variance), foreign, pixels)) {
-    return std::nullopt;
-  }
-  if (full_share(pixels) > kFullMost) return std::nullopt;
-  take_off(beside, spread, blur_px, pixels);
-  const auto found = [&] {
-    switch (starts.size()) {
-      case 1:
-        return fit<1>(pixels, starts, heights, spread, blur_px);
-      case 2:
-        return fit<2>(pixels, starts, heights, spread, blur_px);
-      case 3:
-        return fit<3>(pixels, starts, heights, spread, blur_px);
-      default:
-        return fit<4>(pixels, starts, heights, spread, blur_px);
-    }
-  }();
-  if (unlike != nullptr) *unlike = !found;
-  return found;
+  if (sought.empty() || sought.size() > kMaxGroup) return std::nullopt;
+  const auto fitted = image.mosaic == Mosaic::none ? fit_as<Sees::luminance>
+                                                   : fit_as<Sees::own_color>;
+  return fitted(image, sought, spread, blur_px, foreign, beside, unlike);
 }
 
 std::optional<SkirtLook> look_at_skirt(const ImageView& image, const Vector2& middle,
                                        std::span<const LightBeside> lights,
                                        const PointSpread& spread) {
-#if defined(ALIGHT_WIDE)
-  if (is_wide()) return skirt_wide(image, middle, lights, spread);
-#endif
-  return skirt_of(image, middle, lights, spread);
+  const auto look = image.mosaic == Mosaic::none ? skirt<Sees::luminance>
+                                                 : skirt<Sees::own_color>;
+  return look(image, middle, lights, spread);
 }
 
 }  // namespace alight

@@ -40,10 +40,24 @@ struct ForeignLight {
   }
 };
 
+/// What a light gives to pixels that see blue, green and red, its luminance being 1. All
+/// zero: not known.
+using LightColor = std::array<float, 3>;
+inline bool known(const LightColor& color) { return color[0] + color[1] + color[2] > 0; }
+
 /// A light beside those looked for, at a place that is known: its light is taken off.
 struct LightBeside {
   Vector2 uv = Vector2::Zero();  ///< px
   double height = 0;             ///< As SpotFit::height.
+  LightColor color{};            ///< Where the picture has a mosaic.
+};
+
+/// What is known of a light that is looked for.
+struct LightSought {
+  Vector2 uv = Vector2::Zero();  ///< px, where it is expected; off by less than about a
+                                 ///< pixel and a half.
+  double height = 0;             ///< As SpotFit::height where it is expected; 0: unknown.
+  LightColor color{};            ///< Where the picture has a mosaic.
 };
 
 /// The lights of one patch of a picture, told apart.
@@ -57,29 +71,28 @@ struct SpotFit {
   double variance_px2 = 0;                 ///< Of the point spread, as found here,
   double variance_information = 0;         ///< and the information on it.
   double chi2_per_pixel = 0;               ///< About 1 where the model holds.
+  LightColor color{};  ///< Of lights of one colour under a mosaic, where it can be told.
 };
 
-/// Finds where `starts.size()` lights stand whose images overlap, from the pixels
+/// Finds where `sought.size()` lights stand whose images overlap, from the pixels
 /// themselves: the sum of one light each over an even background, least squares
 /// (Gauss-Newton) over places, heights, background and width together. Pixels at the
 /// sensor's upper end say only that the light is at least that.
 ///
-/// Of a colour picture its luminance counts, which no chroma subsampling has blurred.
+/// Of a colour picture its luminance counts, which no chroma subsampling has blurred;
+/// under a mosaic what each pixel has seen, for interpolation moves small lights by up
+/// to 0.3 px.
 ///
-/// @param starts  px, where each is expected; off by less than about a pixel and a
-///                half.
 /// @param blur_px Displacement of the images during the exposure.
 /// @param foreign Lights that are none of these.
 /// @returns nothing when the lights leave the picture, or what is found is none of the
 ///          expected: too far off, or of another shape; nor when they are full as far
 ///          as they were thought to reach, for then any place fits.
-/// @param heights  As SpotFit::height where they are expected; 0 or none: unknown.
 /// @param beside   Others like them whose light reaches here.
 /// @param unlike   Receives whether that is why nothing is returned: what is found is
 ///                 none of the expected.
 std::optional<SpotFit> fit_spots(const ImageView& image,
-                                 std::span<const Vector2> starts,
-                                 std::span<const double> heights,
+                                 std::span<const LightSought> sought,
                                  const PointSpread& spread, const Vector2& blur_px,
                                  std::span<const ForeignLight> foreign,
                                  std::span<const LightBeside> beside = {},

@@ -144,14 +144,14 @@ TEST(PictureNoise, SaysHowWellLightsArePlaced) {
     for (auto& b : picture.bytes) b = static_cast<std::uint8_t>(std::min(b + 60, 255));
     shake(picture, 15, rng);
     PointSpread spread{.variance_px2 = 1, .share_sd = 0.1};
-    const Vector2 starts[] = {uv};
+    const LightSought starts[] = {{uv}};
     const auto unaware =
-        fit_spots(picture.view(), starts, {}, spread, Vector2::Zero(), {});
+        fit_spots(picture.view(), starts, spread, Vector2::Zero(), {});
     if (unaware) quiet_px2 += 1 / unaware->information(0, 0) / kRuns;
     spread.noise_variance = std::max(spread.noise_variance,
                                      picture_noise(picture.view()).luminance_variance);
     const auto fitted =
-        fit_spots(picture.view(), starts, {}, spread, Vector2::Zero(), {});
+        fit_spots(picture.view(), starts, spread, Vector2::Zero(), {});
     if (!fitted) continue;
     ++count;
     const Vector2 e = fitted->uv[0] - uv;

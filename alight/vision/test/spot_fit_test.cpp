@@ -29,11 +29,11 @@ std::optional<SpotFit> fit(const Lights& lights, std::uint64_t seed, double star
     picture.add(lights.uv[i], LedColor::green, lights.height[i], sd);
   }
   const ImageView image = picture.expose(rng);
-  std::vector<Vector2> starts;
+  std::vector<LightSought> starts;
   for (const Vector2& uv : lights.uv) {
-    starts.push_back(uv + start_sd * Vector2(rng.normal(), rng.normal()));
+    starts.push_back({uv + start_sd * Vector2(rng.normal(), rng.normal())});
   }
-  return fit_spots(image, starts, {}, kSpread, Vector2::Zero(), {});
+  return fit_spots(image, starts, kSpread, Vector2::Zero(), {});
 }
 
 Lights draw(int count, double apart, Rng& rng) {
@@ -60,11 +60,9 @@ TEST(SpotFit, AFullLightIsPlacedRightOrNotAtAll) {
     const double light = rng.uniform(200, 4000), sd = rng.uniform(0.8, 1.3);
     picture.add(uv, LedColor::green, light, sd);
     const ImageView image = picture.expose(rng);
-    const std::vector<Vector2> starts = {uv +
-                                         0.3 * Vector2(rng.normal(), rng.normal())};
-    const double height = rng.uniform(300, 900);  // as learnt from afar
-    const auto fitted =
-        fit_spots(image, starts, {&height, 1}, narrow, Vector2::Zero(), {});
+    LightSought sought{uv + 0.3 * Vector2(rng.normal(), rng.normal())};
+    sought.height = rng.uniform(300, 900);  // as learnt from afar
+    const auto fitted = fit_spots(image, {&sought, 1}, narrow, Vector2::Zero(), {});
     if (!fitted) continue;
     ++placed;
     // The light is wider than was learnt: the model's error, not the noise's.
@@ -175,10 +173,10 @@ TEST(SpotFit, ALightBesideDoesNotPull) {
       add_with_skirt(picture, uv, 180, with_skirt.skirt);
       add_with_skirt(picture, other.uv, other.height, with_skirt.skirt);
       const ImageView image = picture.expose(rng);
-      const std::vector<Vector2> starts = {uv};
+      const std::vector<LightSought> starts = {{uv}};
       const auto apart_from_it =
-          fit_spots(image, starts, {}, with_skirt, Vector2::Zero(), {}, {&other, 1});
-      const auto alone = fit_spots(image, starts, {}, kSpread, Vector2::Zero(), {});
+          fit_spots(image, starts, with_skirt, Vector2::Zero(), {}, {&other, 1});
+      const auto alone = fit_spots(image, starts, kSpread, Vector2::Zero(), {});
       ASSERT_TRUE(apart_from_it);
       known += towards.dot(apart_from_it->uv[0] - uv) / kRuns;
       if (alone) unknown += towards.dot(alone->uv[0] - uv) / kRuns;
@@ -232,12 +230,113 @@ TEST(SpotFit, SaysWhetherWhatItFindsIsUnlikeALight) {
     (void)picture.expose(rng);
     if (c.covered_to > 0) picture.cover_left_of(c.covered_to, uv, 20);
     bool unlike = !c.unlike;
-    EXPECT_EQ(fit_spots(picture.view(), {&uv, 1}, {}, kSpread, Vector2::Zero(), {}, {},
+    const LightSought sought{uv};
+    EXPECT_EQ(fit_spots(picture.view(), {&sought, 1}, kSpread, Vector2::Zero(), {}, {},
                         &unlike)
                   .has_value(),
               c.found);
     EXPECT_EQ(unlike, c.unlike);
   }
+}
+
+constexpr Mosaic kMosaics[] = {Mosaic::rggb, Mosaic::bggr, Mosaic::grbg, Mosaic::gbrg};
+
+/// As a camera under a mosaic takes it: one colour a pixel, the others interpolated.
+ImageView under_mosaic(Picture& picture, Mosaic mosaic) {
+  std::vector<std::uint8_t> raw(picture.bytes.size() / 3);
+  take_own_colors(picture.bytes.data(), picture.width, picture.height, mosaic, raw.data());
+  interpolate_colors(raw.data(), picture.width, picture.height, mosaic,
+                     picture.bytes.data());
+  ImageView image = picture.view();
+  image.mosaic = mosaic;
+  return image;
+}
+
+TEST(SpotFit, UnderAMosaicLightsStandWhereTheirPixelsSayAndNotTheirNeighbours) {
+  constexpr LedColor kColors[] = {LedColor::red, LedColor::green, LedColor::blue};
+  constexpr int kRuns = 240;
+  for (const int count : {1, 2}) {
+    Rng rng(21);
+    double own2 = 0, luminance2 = 0, nees = 0;
+    int fitted = 0;
+    for (int run = 0; run < kRuns; ++run) {
+      Picture picture(3, 100, 80);
+      const LedColor color = kColors[run % 3];
+      const Lights lights = draw(count, 4, rng);
+      for (std::size_t i = 0; i < lights.uv.size(); ++i) {
+        picture.add(lights.uv[i], color, lights.height[i], kSd);
+      }
+      (void)picture.expose(rng);
+      ImageView image = under_mosaic(picture, kMosaics[run % 4]);
+      std::vector<LightSought> sought;
+      for (const Vector2& uv : lights.uv) {
+        sought.push_back({uv + 0.3 * Vector2(rng.normal(), rng.normal())});
+      }
+      // Once their colour is known, as it is after a few pictures.
+      const auto seen = fit_spots(image, sought, kSpread, Vector2::Zero(), {});
+      if (count == 1 && seen) sought[0].color = seen->color;
+      const auto own = fit_spots(image, sought, kSpread, Vector2::Zero(), {});
+      image.mosaic = Mosaic::none;
+      const auto luminance = fit_spots(image, sought, kSpread, Vector2::Zero(), {});
+      ASSERT_TRUE(own) << run;
+      ++fitted;
+      Eigen::VectorXd e(2 * count);
+      for (std::size_t i = 0; i < lights.uv.size(); ++i) {
+        e.segment<2>(2 * static_cast<Eigen::Index>(i)) = own->uv[i] - lights.uv[i];
+        if (luminance) luminance2 += (luminance->uv[i] - lights.uv[i]).squaredNorm();
+      }
+      own2 += e.squaredNorm();
+      nees += e.dot(own->information * e) / std::max(own->chi2_per_pixel, 1.0);
+    }
+    const double images = 2.0 * count * fitted;
+    EXPECT_LT(std::sqrt(own2 / images), count == 1 ? 0.04 : 0.08) << count;
+    EXPECT_GT(luminance2, 9 * own2) << count;
+    // As exact as is claimed, within what a colour that is told by the same pixels costs.
+    EXPECT_LT(nees / images, 2) << count;
+    EXPECT_GT(nees / images, 0.3) << count;
+  }
+}
+
+TEST(SpotFit, TellsTheColourOfALightUnderAMosaic) {
+  Rng rng(22);
+  for (const Mosaic mosaic : kMosaics) {
+    Picture picture(3, 100, 80);
+    const Vector2 uv(50 + rng.uniform(), 40 + rng.uniform());
+    picture.add(uv, LedColor::red, 200, kSd);  // 0.25, 0.2, 1
+    (void)picture.expose(rng);
+    const LightSought sought{uv};
+    const auto found = fit_spots(under_mosaic(picture, mosaic), {&sought, 1}, kSpread,
+                                 Vector2::Zero(), {});
+    ASSERT_TRUE(found);
+    const double luminance = 0.114 * 0.25 + 0.587 * 0.2 + 0.299;
+    EXPECT_NEAR(found->color[0], 0.25 / luminance, 0.06);
+    EXPECT_NEAR(found->color[1], 0.2 / luminance, 0.06);
+    EXPECT_NEAR(found->color[2], 1 / luminance, 0.06);
+    EXPECT_NEAR(found->height[0], 200 * luminance, 10);
+  }
+}
+
+TEST(SpotFit, UnderAMosaicALightBesideOfAnotherColourDoesNotPull) {
+  Rng rng(23);
+  constexpr int kRuns = 100;
+  const LightColor green{0.3f / 0.681f, 1 / 0.681f, 0.2f / 0.681f};
+  double pull = 0;
+  for (int run = 0; run < kRuns; ++run) {
+    Picture picture(3, 100, 80);
+    const Vector2 uv(50 + rng.uniform(), 40 + rng.uniform());
+    const Vector2 towards(std::cos(run), std::sin(run));
+    const Vector2 other_uv = uv + 3.5 * towards;
+    picture.add(uv, LedColor::red, 180, kSd);
+    picture.add(other_uv, LedColor::green, 180, kSd);
+    (void)picture.expose(rng);
+    const LightSought sought{uv};
+    const LightBeside other{other_uv, 180 * 0.681, green};
+    const auto found = fit_spots(under_mosaic(picture, kMosaics[run % 4]), {&sought, 1},
+                                 kSpread, Vector2::Zero(), {}, {&other, 1});
+    ASSERT_TRUE(found);
+    pull += towards.dot(found->uv[0] - uv) / kRuns;
+  }
+  EXPECT_LT(std::abs(pull), 0.03);
 }
 
 TEST(SpotFit, RefusesWhatIsNotThere) {
@@ -246,8 +345,8 @@ TEST(SpotFit, RefusesWhatIsNotThere) {
   picture.add({50, 40}, LedColor::red, 200, 1);
   const ImageView image = picture.expose(rng);
   const auto at = [&](const Vector2& uv, std::span<const ForeignLight> foreign = {}) {
-    const Vector2 starts[] = {uv};
-    return fit_spots(image, starts, {}, kSpread, Vector2::Zero(), foreign);
+    const LightSought starts[] = {{uv}};
+    return fit_spots(image, starts, kSpread, Vector2::Zero(), foreign);
   };
   EXPECT_TRUE(at({50.3, 39.8}));
   EXPECT_FALSE(at({1, 40}));    // over the edge
