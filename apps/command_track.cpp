@@ -27,7 +27,7 @@ void print(const Settings& settings, const TrackRunResult& result) {
               settings.source.c_str(), result.tracked, result.pictures.size(),
               100 * result.tracked_share(), settings.method.c_str());
   if (result.tracked > 0) {
-    std::printf("fit           %.2f px rms (median)\n", result.reprojection_px);
+    std::printf("fit           %.3f px rms (median)\n", result.reprojection_px);
   }
   std::printf("time          %.0f us a picture (median), %.0f us p99\n",
               result.us_median, result.us_p99);

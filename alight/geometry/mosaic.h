@@ -19,9 +19,9 @@ inline int channel_at(Mosaic mosaic, int u, int v) {
   return red_above != odd_v ? 2 : 0;
 }
 
-/// Pixels one after the other, row after row: `raw`, one byte each, becomes `bgr`, three
-/// bytes each. What a pixel sees itself stays, the rest is the mean of its neighbours
-/// that see it; at the rim the picture goes on as in a mirror.
+/// Pixels one after the other, row after row: `raw`, one byte each, becomes `bgr`,
+/// three bytes each. What a pixel sees itself stays, the rest is the mean of its
+/// neighbours that see it; at the rim the picture goes on as in a mirror.
 /// @pre a mosaic, at least 2 x 2 pixels
 void interpolate_colors(const std::uint8_t* raw, int width, int height, Mosaic mosaic,
                         std::uint8_t* bgr);

@@ -19,8 +19,8 @@ struct SourceFrame {
 
 /// Pictures in order of time (CONTRACT: SOURCE): a folder with `frames.csv`, a plain
 /// folder of pictures in the order of their names (frame2 before frame10) at the rig's
-/// rate, or a video. Of a rig with a mosaic, pictures of one channel are the sensor's own
-/// and become colours.
+/// rate, or a video. Of a rig with a mosaic, pictures of one channel are the sensor's
+/// own and become colours.
 class ImageSource {
  public:
   /// Checks the list (columns, numbers, order of time, files there) before the first

@@ -117,7 +117,7 @@ class LedResolver {
   Camera camera_;
   Constellation leds_;
   PointSpread spread_;
-  std::array<double, kMaxLeds> heights_{};   // grey levels; 0: not known
+  std::array<double, kMaxLeds> heights_{};     // grey levels; 0: not known
   std::array<LightColor, kMaxLeds> colors_{};  // under a mosaic, each told by
   std::array<int, kMaxLeds> colors_seen_{};    // so many looks, at most kColorMemory
   LightShare share_, area_share_;

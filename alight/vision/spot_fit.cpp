@@ -24,8 +24,8 @@ constexpr double kShiftMax = 2.5;     // px
 constexpr double kChi2Max = 12;       // per pixel
 constexpr int kIterations = 5;
 constexpr double kStepPx = 0.06;
-constexpr int kColorRounds = 2;    // until a colour that is not known is told
-constexpr float kColorTold = 100;  // a colour's height is known to a tenth of it
+constexpr int kIterationsUntold = 9;  // of lights whose colour is told on the way
+constexpr float kColorTold = 10;      // what a colour has is known to 0.3
 
 constexpr auto kSkirt = static_cast<float>(1 / PointSpread::kSkirtVariance);
 
@@ -127,27 +127,6 @@ bool gather(const ImageView& image, std::span<const LightSought> sought, double 
   out.count = static_cast<int>(count);
   weigh(noise, out);
   return true;
-}
-
-/// What all of the lights together look like. Interpolation moves light, but none gets
-/// lost by it.
-LightColor color_of(const ImageView& image, const Pixels& pixels) {
-  std::array<float, 3> sum{}, least{255, 255, 255};
-  for (int i = 0; i < pixels.count; ++i) {
-    const auto at = static_cast<std::size_t>(i);
-    const std::uint8_t* p = image.row(static_cast<int>(pixels.v[at])) +
-                            static_cast<int>(pixels.u[at]) * 3;
-    for (std::size_t c = 0; c < 3; ++c) {
-      sum[c] += p[c];
-      least[c] = std::min<float>(least[c], p[c]);
-    }
-  }
-  for (std::size_t c = 0; c < 3; ++c) {
-    sum[c] -= least[c] * static_cast<float>(pixels.count);
-  }
-  const float luminance = luminance_of(sum.data());
-  if (!(luminance > 0)) return {1, 1, 1};
-  return {sum[0] / luminance, sum[1] / luminance, sum[2] / luminance};
 }
 
 float full_share(const Pixels& pixels) {
@@ -342,16 +321,22 @@ void equations(const Pixels& pixels, const Lights<K>& lights,
   equations_of<K, kSees>(pixels, lights, gains, spread, blur, out);
 }
 
-/// What the pixels that see a colour have of lights of one colour, for each that there
-/// is; nothing at all where pixels of one of them hardly tell.
+/// What the pixels that see a colour have of lights that are alike. Of a colour whose
+/// pixels hardly tell, for they are full, at least so much.
+struct ColorSeen {
+  LightColor color{};
+  bool told = true;  ///< All of it is.
+};
+
 template <int K>
-LightColor color_of(const Pixels& pixels, const Lights<K>& lights,
-                    const PointSpread& spread, const Vector2& blur) {
+ColorSeen color_of(const Pixels& pixels, const Lights<K>& lights,
+                   const PointSpread& spread, const Vector2& blur) {
   const double s2 = spread.variance_px2 * lights.width;
   const Matrix2 image = s2 * Matrix2::Identity() + blur * blur.transpose() / 12;
   const Matrix2 by_image = image.inverse();
   const auto skirt = static_cast<float>(spread.skirt);
-  std::array<float, 3> seen{}, shape2{};
+  // Of pixels that are not full, and of those that are.
+  std::array<std::array<float, 3>, 2> seen{}, light2{};
   for (int i = 0; i < pixels.count; ++i) {
     const auto at = static_cast<std::size_t>(i);
     float light = 0;
@@ -360,19 +345,25 @@ LightColor color_of(const Pixels& pixels, const Lights<K>& lights,
       const auto x = static_cast<float>(-0.5 * d.dot(by_image * d));
       light += lights.height[k] * (exp_of(x) + skirt * exp_of(kSkirt * x));
     }
-    const float weight = (1 - pixels.full[at]) * pixels.weight[at] * light;
-    seen[pixels.channel[at]] += weight * (pixels.light[at] - lights.back);
-    shape2[pixels.channel[at]] += weight * light;
+    const std::size_t full = pixels.full[at] > 0 ? 1 : 0, c = pixels.channel[at];
+    const float weight = pixels.weight[at] * light;
+    seen[full][c] += weight * (pixels.light[at] - lights.back);
+    light2[full][c] += weight * light;
   }
-  LightColor color;
+  ColorSeen out;
   for (std::size_t c = 0; c < 3; ++c) {
-    if (!(shape2[c] > kColorTold)) return {};
-    color[c] = std::max(seen[c] / shape2[c], 0.0f);
+    float sum = seen[0][c], of = light2[0][c];
+    if (!(of > kColorTold)) {
+      sum += seen[1][c];
+      of += light2[1][c];
+      out.told = false;
+    }
+    if (of > 0) out.color[c] = std::max(sum / of, 0.0f);
   }
-  const float luminance = luminance_of(color.data());
-  if (!(luminance > 0)) return {};
-  for (float& c : color) c /= luminance;
-  return color;
+  const float luminance = luminance_of(out.color.data());
+  if (!(luminance > 0)) return {{1, 1, 1}, false};
+  for (float& c : out.color) c /= luminance;
+  return out;
 }
 
 template <int K, Sees kSees>
@@ -404,15 +395,32 @@ std::optional<SpotFit> fit(const Pixels& pixels, std::span<const LightSought> so
   }
   back = dark;
   constexpr bool kOwnColor = kSees == Sees::own_color;
+  std::array<LightColor, K> colors;
   alignas(32) std::array<typename Lights<K>::Gain, kOwnColor ? K : 0> gains;
-  if constexpr (kOwnColor) {
-    for (std::size_t k = 0; k < K; ++k) {
-      const LightColor& color = sought[k].color;
+  bool colors_known = true;
+  for (std::size_t k = 0; k < K; ++k) {
+    colors[k] = sought[k].color;
+    if (kOwnColor) colors_known = colors_known && known(colors[k]);
+  }
+  const auto set_gains = [&] {
+    for (std::size_t k = 0; k < gains.size(); ++k) {
       for (std::size_t i = 0; i < static_cast<std::size_t>(pixels.padded); ++i) {
-        gains[k][i] = color[pixels.channel[i]];
+        gains[k][i] = colors[k][pixels.channel[i]];
       }
+    }
+  };
+  const auto tell_color = [&] {
+    const LightColor common = color_of(pixels, lights, spread, blur).color;
+    for (std::size_t k = 0; k < K; ++k) {
+      if (!known(sought[k].color)) colors[k] = common;
+    }
+    set_gains();
+  };
+  if constexpr (kOwnColor) {
+    colors_known ? set_gains() : tell_color();
+    for (std::size_t k = 0; k < K; ++k) {
       if (sought[k].height > 0) continue;
-      height[k] /= *std::max_element(color.begin(), color.end());
+      height[k] /= *std::max_element(colors[k].begin(), colors[k].end());
     }
   }
 
@@ -421,6 +429,7 @@ std::optional<SpotFit> fit(const Pixels& pixels, std::span<const LightSought> so
   Of now;
   auto& [A, g, cost] = now;
   for (int iteration = 0;; ++iteration) {
+    if (kOwnColor && !colors_known && iteration > 0) tell_color();
     equations<K, kSees>(pixels, lights, gains.data(), spread, blur, now);
     const auto share2 = static_cast<float>(spread.share_sd * spread.share_sd);
     constexpr auto back2 = static_cast<float>(kBackgroundSd * kBackgroundSd);
@@ -457,7 +466,8 @@ std::optional<SpotFit> fit(const Pixels& pixels, std::span<const LightSought> so
     width = std::clamp(width + static_cast<double>(step[kWidth]), 0.3, 3.0);
     // What is left after a step this short is far shorter, and A has hardly changed.
     cost = std::max(cost - static_cast<double>(g.dot(step)), 0.0);
-    if (largest < static_cast<float>(kStepPx) || iteration == kIterations) break;
+    const int most = colors_known ? kIterations : kIterationsUntold;
+    if (largest < static_cast<float>(kStepPx) || iteration == most) break;
   }
 
   const double freedom = std::max(static_cast<double>(pixels.count - kN), 1.0);
@@ -495,10 +505,10 @@ std::optional<SpotFit> fit(const Pixels& pixels, std::span<const LightSought> so
       (H(kWidth, kWidth) - 1 / (spread.share_sd * spread.share_sd)) /
       (spread.variance_px2 * spread.variance_px2);
   if constexpr (kOwnColor) {
-    const bool alike = std::all_of(sought.begin(), sought.end(), [&](const auto& one) {
-      return one.color == sought[0].color;
-    });
-    if (alike) out.color = color_of(pixels, lights, spread, blur);
+    const bool alike = std::all_of(colors.begin(), colors.end(),
+                                   [&](const auto& one) { return one == colors[0]; });
+    const ColorSeen now_seen = color_of(pixels, lights, spread, blur);
+    if (alike && now_seen.told) out.color = now_seen.color;
   }
   return out;
 }
@@ -611,20 +621,8 @@ std::optional<SpotFit> fit_as(const ImageView& image,
     return std::nullopt;
   }
   if (full_share(pixels) > kFullMost) return std::nullopt;
-  std::array<LightSought, kSees == Sees::own_color ? kMaxGroup : 0> colored;
-  bool all_known = true;
-  if constexpr (kSees == Sees::own_color) {
-    const LightColor common = color_of(image, pixels);
-    for (std::size_t k = 0; k < sought.size(); ++k) {
-      colored[k] = sought[k];
-      if (known(sought[k].color)) continue;
-      colored[k].color = common;
-      all_known = false;
-    }
-    sought = {colored.data(), sought.size()};
-  }
   take_off<kSees>(beside, spread, blur_px, pixels);
-  const auto fitted = [&] {
+  const auto found = [&] {
     switch (sought.size()) {
       case 1:
         return fit<1, kSees>(pixels, sought, spread, blur_px);
@@ -635,18 +633,7 @@ std::optional<SpotFit> fit_as(const ImageView& image,
       default:
         return fit<4, kSees>(pixels, sought, spread, blur_px);
     }
-  };
-  auto found = fitted();
-  if constexpr (kSees == Sees::own_color) {
-    for (int i = 0; i < kColorRounds && !all_known && found; ++i) {
-      if (!known(found->color)) break;
-      for (std::size_t k = 0; k < sought.size(); ++k) {
-        colored[k].color = found->color;
-        colored[k].height = found->height[k];
-      }
-      found = fitted();
-    }
-  }
+  }();
   if (unlike != nullptr) *unlike = !found;
   return found;
 }
@@ -665,16 +652,16 @@ std::optional<SpotFit> fit_spots(const ImageView& image,
                                  std::span<const LightBeside> beside, bool* unlike) {
   if (unlike != nullptr) *unlike = false;
   if (sought.empty() || sought.size() > kMaxGroup) return std::nullopt;
-  const auto fitted = image.mosaic == Mosaic::none ? fit_as<Sees::luminance>
-                                                   : fit_as<Sees::own_color>;
+  const auto fitted =
+      image.mosaic == Mosaic::none ? fit_as<Sees::luminance> : fit_as<Sees::own_color>;
   return fitted(image, sought, spread, blur_px, foreign, beside, unlike);
 }
 
 std::optional<SkirtLook> look_at_skirt(const ImageView& image, const Vector2& middle,
                                        std::span<const LightBeside> lights,
                                        const PointSpread& spread) {
-  const auto look = image.mosaic == Mosaic::none ? skirt<Sees::luminance>
-                                                 : skirt<Sees::own_color>;
+  const auto look =
+      image.mosaic == Mosaic::none ? skirt<Sees::luminance> : skirt<Sees::own_color>;
   return look(image, middle, lights, spread);
 }
 

@@ -40,10 +40,12 @@ struct ForeignLight {
   }
 };
 
-/// What a light gives to pixels that see blue, green and red, its luminance being 1. All
-/// zero: not known.
+/// What a light gives to pixels that see blue, green and red, its luminance being 1.
+/// All zero: not known.
 using LightColor = std::array<float, 3>;
-inline bool known(const LightColor& color) { return color[0] + color[1] + color[2] > 0; }
+inline bool known(const LightColor& color) {
+  return color[0] + color[1] + color[2] > 0;
+}
 
 /// A light beside those looked for, at a place that is known: its light is taken off.
 struct LightBeside {
@@ -56,8 +58,8 @@ struct LightBeside {
 struct LightSought {
   Vector2 uv = Vector2::Zero();  ///< px, where it is expected; off by less than about a
                                  ///< pixel and a half.
-  double height = 0;             ///< As SpotFit::height where it is expected; 0: unknown.
-  LightColor color{};            ///< Where the picture has a mosaic.
+  double height = 0;   ///< As SpotFit::height where it is expected; 0: unknown.
+  LightColor color{};  ///< Where the picture has a mosaic.
 };
 
 /// The lights of one patch of a picture, told apart.
@@ -71,7 +73,8 @@ struct SpotFit {
   double variance_px2 = 0;                 ///< Of the point spread, as found here,
   double variance_information = 0;         ///< and the information on it.
   double chi2_per_pixel = 0;               ///< About 1 where the model holds.
-  LightColor color{};  ///< Of lights of one colour under a mosaic, where it can be told.
+  LightColor
+      color{};  ///< Of lights of one colour under a mosaic, where it can be told.
 };
 
 /// Finds where `sought.size()` lights stand whose images overlap, from the pixels

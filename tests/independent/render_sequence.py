@@ -221,8 +221,8 @@ def draw_flight(rng, lens, leds, seconds):
 class Look:
     """Optics and sensor, drawn by the seed."""
 
-    def __init__(self, rng, kind, grey, bayer=False, yuv=False):
-        self.grey, self.bayer, self.yuv = grey, bayer, yuv
+    def __init__(self, rng, kind, grey, sites=None, yuv=False):
+        self.grey, self.sites, self.yuv = grey, sites, yuv
         self.width_px = rng.choice([0.75, 0.95, 1.25]) * rng.uniform(0.9, 1.1)  # Moffat
         self.beta = float(rng.choice([2.5, 3.0, 4.0]))
         self.halo = rng.uniform(0.003, 0.02)
@@ -264,7 +264,7 @@ class Look:
 
     def develop(self, light, rng):
         """Expected counts to a picture: shot and read noise, tone curve, 8 bits."""
-        counts = mosaic(light) if self.bayer else light
+        counts = mosaic(light, self.sites) if self.sites else light
         bright = counts > 0.5
         noisy = counts.copy()
         lit = np.minimum(counts[bright], 6000)
@@ -280,17 +280,26 @@ class Look:
         if self.grey:
             noisy[..., 1] = noisy[..., 0]
             noisy[..., 2] = noisy[..., 0]
-        if self.bayer:
-            noisy = demosaic(np.clip(noisy, 0, 255))
+        if self.sites:
+            noisy = demosaic(np.clip(noisy, 0, 255), self.sites)
         if self.yuv:
             noisy = half_chroma(noisy)
         return np.clip(noisy + 0.5, 0, 255).astype(np.uint8)
 
 
-def mosaic(light):
-    """What the photosites of an RGGB sensor see: each one colour."""
+def sites_of(pattern):
+    """Channel (of blue, green, red), row and column of the first four photosites."""
+    if pattern == "none":
+        return None
+    if pattern not in ("rggb", "bggr", "grbg", "gbrg"):
+        stop(f"camera.mosaic: {pattern} is no pattern")
+    return [("bgr".index(c), k // 2, k % 2) for k, c in enumerate(pattern)]
+
+
+def mosaic(light, sites):
+    """What the photosites see: each one colour."""
     raw = np.empty(light.shape[:2], np.float32)
-    for channel, row, column in ((2, 0, 0), (1, 0, 1), (1, 1, 0), (0, 1, 1)):
+    for channel, row, column in sites:
         raw[row::2, column::2] = light[row::2, column::2, channel]
     return raw
 
@@ -302,7 +311,7 @@ def convolved(raw, kernel):
                for j, k in enumerate(row) if k != 0)
 
 
-def demosaic(raw):
+def demosaic(raw, sites):
     """Linear interpolation with gradients (Malvar, He and Cutler 2004)."""
     cross = convolved(raw, np.array([[0, 0, -1, 0, 0], [0, 0, 2, 0, 0], [-1, 2, 4, 2, -1],
                                      [0, 0, 2, 0, 0], [0, 0, -1, 0, 0]]) / 8)
@@ -313,13 +322,15 @@ def demosaic(raw):
                                         [-1.5, 0, 6, 0, -1.5], [0, 2, 0, 2, 0],
                                         [0, 0, -1.5, 0, 0]]) / 8)
     bgr = np.repeat(raw[..., None], 3, axis=2)
-    red, red_row, blue_row, blue = ((slice(r, None, 2), slice(c, None, 2))
-                                    for r, c in ((0, 0), (0, 1), (1, 0), (1, 1)))
-    for site in (red, blue):
-        bgr[(*site, 1)] = cross[site]
-    bgr[(*red_row, 2)], bgr[(*red_row, 0)] = along_row[red_row], along_column[red_row]
-    bgr[(*blue_row, 0)], bgr[(*blue_row, 2)] = along_row[blue_row], along_column[blue_row]
-    bgr[(*blue, 2)], bgr[(*red, 0)] = diagonal[blue], diagonal[red]
+    for channel, row, column in sites:
+        at = (slice(row, None, 2), slice(column, None, 2))
+        if channel == 1:
+            beside = next(c for c, r, _ in sites if r == row and c != 1)
+            bgr[(*at, beside)] = along_row[at]
+            bgr[(*at, 2 - beside)] = along_column[at]
+        else:
+            bgr[(*at, 1)] = cross[at]
+            bgr[(*at, 2 - channel)] = diagonal[at]
     return np.clip(bgr, 0, 255)
 
 
@@ -553,8 +564,6 @@ def parse_arguments():
     parser.add_argument("--led-error-mm", type=float, default=0)
     parser.add_argument("--grey", action="store_true",
                         help="a camera without colours, as for infrared")
-    parser.add_argument("--bayer", action="store_true",
-                        help="every pixel sees one colour, the others are interpolated")
     parser.add_argument("--yuv422", action="store_true",
                         help="two pixels of a row share their colour, as from webcams")
     return parser.parse_args()
@@ -580,7 +589,8 @@ def main():
     seconds = o.frames / rate
     flight, close = draw_flight(rng["path"], lens, leds, max(seconds, 10.0))
 
-    look = Look(rng["look"], o.kind, o.grey, o.bayer, o.yuv422)
+    look = Look(rng["look"], o.kind, o.grey, sites_of(rig["camera"].get("mosaic", "none")),
+                o.yuv422)
     gains = np.exp(rng["leds"].normal(0, 0.12, count))
     if o.kind == "hard":
         gains = 3.0**(rng["leds"].permutation(count) / max(count - 1, 1) - 0.5)
@@ -628,7 +638,7 @@ def main():
     summary = {"kind": o.kind, "seed": o.seed, "frames": o.frames, "lights": o.lights,
                "strays": o.stray, "dead": o.dead, "dark_s": o.blackout,
                "led_error_mm": o.led_error_mm, "grey": o.grey,
-               "bayer": o.bayer, "yuv422": o.yuv422,
+               "yuv422": o.yuv422,
                "range_m": [float(span[:, 0].min()), float(span[:, 0].max())],
                "speed_max_m_s": float(span[:, 1].max()), "close_share": close,
                "look": {k: v for k, v in vars(look).items() if isinstance(v, (float, str))}}

@@ -116,6 +116,28 @@ TEST_F(ImageFiles, ListedFoldersKeepTheirTimesAndDepth) {
   EXPECT_FALSE(*source->next(frame));
 }
 
+TEST_F(ImageFiles, TheSensorsOwnPicturesBecomeColours) {
+  const Image raw = noise(32, 20, 1), color = noise();
+  ASSERT_TRUE(save_png(path("f/a.png"), raw.view()));
+  ASSERT_TRUE(save_png(path("f/b.png"), color.view()));
+  SourceFrame frame;
+  {
+    auto source = ImageSource::open(path("f"), rig);
+    ASSERT_TRUE(*source->next(frame));
+    EXPECT_EQ(frame.color.data, copy_of(raw.view(), Channels::color).data);
+  }
+  rig.mosaic = Mosaic::gbrg;
+  auto source = ImageSource::open(path("f"), rig);
+  ASSERT_TRUE(*source->next(frame));
+  EXPECT_EQ(frame.color.data, demosaiced(raw, Mosaic::gbrg).data);
+  std::vector<std::uint8_t> own(raw.data.size());
+  take_own_colors(frame.color.data.data(), 32, 20, Mosaic::gbrg, own.data());
+  EXPECT_EQ(own, raw.data);
+  // Those that are colours already stay.
+  ASSERT_TRUE(*source->next(frame));
+  EXPECT_EQ(frame.color.data, color.data);
+}
+
 TEST_F(ImageFiles, BadSourcesAreNamed) {
   picture("f/a.png");
   picture("f/b.png");

@@ -98,6 +98,7 @@ TEST_F(RigYamlFiles, AnyRigReadsBack) {
     const Vector3 turn(rng.normal(), rng.normal(), rng.normal());
     rig.camera.X_NC = make_pose(so3_exp(turn), {rng.normal(), rng.normal(), 0.1});
     for (Led& led : rig.leds.leds) led.p_BL *= rng.uniform(0.5, 2);
+    rig.mosaic = static_cast<Mosaic>(i % 5);
     rig.leds.leds[2].color = i % 2 ? LedColor::blue : LedColor::none;
     rig.camera.intrinsics.distortion = {rng.uniform(-0.15, 0.15), 0.1, 1e-7, -0.003, 0};
     rig.drone.mass_kg = rng.uniform(0.1, 3);
@@ -126,6 +127,9 @@ TEST_F(RigYamlFiles, BadOnesAreNamed) {
     return why(changed.replace(at, from.size(), to));
   };
   EXPECT_EQ(with("mass_kg: 0.55", "mass_kg: 0.55"), "");
+  EXPECT_EQ(with("rate_hz: 60", "rate_hz: 60, mosaic: grbg"), "");
+  EXPECT_NE(with("rate_hz: 60", "rate_hz: 60, mosaic: rgb").find("mosaic"),
+            std::string::npos);
   EXPECT_NE(with("mass_kg", "mas_kg").find("did you mean mass_kg?"), std::string::npos);
   EXPECT_NE(with("fx: 415.872", "fx: .nan").find("camera.fx"), std::string::npos);
   EXPECT_NE(with("fx: 415.872, ", "").find("camera.fx"), std::string::npos);

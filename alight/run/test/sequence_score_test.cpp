@@ -123,6 +123,36 @@ TEST(MeasureRun, PiecesMakeTheWhole) {
   }
 }
 
+// Two of three pixels that a lens of one colour could have told by are gone; what is
+// left must be used as it is.
+TEST(MeasureRun, UnderAMosaicFlightsAreFollowedNearlyAsExactly) {
+  MeasureOptions options;
+  options.sequence.rig = alan_rig();
+  options.sequence.frames = 60;
+  options.seeds = 6;
+  const auto rms_mm = [&](Mosaic mosaic) {
+    options.sequence.rig.mosaic = mosaic;
+    const auto measured = run_measure(options);
+    EXPECT_TRUE(measured);
+    double sum = 0;
+    int tracked = 0, frames = 0;
+    for (const auto& sequence : measured->sequences) {
+      for (const FrameScore& frame : sequence.frames) {
+        ++frames;
+        if (!frame.tracked) continue;
+        EXPECT_FALSE(frame.wrong());
+        sum += 1e6 * frame.position_m * frame.position_m;
+        ++tracked;
+      }
+    }
+    EXPECT_GE(tracked, frames - 6) << to_string(mosaic);
+    return std::sqrt(sum / std::max(tracked, 1));
+  };
+  const double whole = rms_mm(Mosaic::none);
+  EXPECT_LT(rms_mm(Mosaic::rggb), std::max(2.5 * whole, 2.0));
+  EXPECT_LT(rms_mm(Mosaic::grbg), std::max(2.5 * whole, 2.0));
+}
+
 TEST(MeasureRun, MixedFlightsAreOfEveryKind) {
   MeasureOptions options = short_flights();
   int hard = 0, dead = 0, dark = 0, strays = 0;

@@ -320,6 +320,29 @@ TEST(CameraRenderer, NoiseCoversTheWholeFrame) {
   }
 }
 
+TEST(CameraRenderer, UnderAMosaicEveryPixelSeesOneColour) {
+  const SceneAt scene = facing({-0.8, 0, 0.5});
+  Rig rig = wide_rig();
+  CameraSimConfig config;
+  CameraRenderer whole = make(config, rig);
+  const ColorBuffer colors = picture(whole, {scene});
+  for (const Mosaic mosaic : {Mosaic::rggb, Mosaic::gbrg}) {
+    rig.mosaic = mosaic;
+    CameraRenderer renderer = make(config, rig);
+    ColorBuffer seen = picture(renderer, {scene});
+    const auto own = [&](const ColorBuffer& of) {
+      std::vector<std::uint8_t> raw(of.pixels().size() / 3);
+      take_own_colors(of.pixels().data(), of.width, of.height, mosaic, raw.data());
+      return raw;
+    };
+    EXPECT_EQ(own(seen), own(colors));
+    EXPECT_FALSE(seen.pixels() == colors.pixels());
+    // Drawn over, a buffer shows nothing of what was in it.
+    EXPECT_TRUE(renderer.render(3, std::vector<SceneAt>{scene}, seen));
+    EXPECT_TRUE(seen.pixels() == picture(renderer, {scene}, 3).pixels());
+  }
+}
+
 TEST(CameraRenderer, ShotNoiseGrowsWithLight) {
   CameraSimConfig config = clean();
   config.noise = 1;

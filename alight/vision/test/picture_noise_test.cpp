@@ -145,13 +145,11 @@ TEST(PictureNoise, SaysHowWellLightsArePlaced) {
     shake(picture, 15, rng);
     PointSpread spread{.variance_px2 = 1, .share_sd = 0.1};
     const LightSought starts[] = {{uv}};
-    const auto unaware =
-        fit_spots(picture.view(), starts, spread, Vector2::Zero(), {});
+    const auto unaware = fit_spots(picture.view(), starts, spread, Vector2::Zero(), {});
     if (unaware) quiet_px2 += 1 / unaware->information(0, 0) / kRuns;
     spread.noise_variance = std::max(spread.noise_variance,
                                      picture_noise(picture.view()).luminance_variance);
-    const auto fitted =
-        fit_spots(picture.view(), starts, spread, Vector2::Zero(), {});
+    const auto fitted = fit_spots(picture.view(), starts, spread, Vector2::Zero(), {});
     if (!fitted) continue;
     ++count;
     const Vector2 e = fitted->uv[0] - uv;

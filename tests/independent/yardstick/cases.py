@@ -5,6 +5,7 @@ ROOT = Path(__file__).resolve().parents[3]
 RIGS = ROOT / "tests/independent"
 ALAN = ROOT / "config/rigs/alan.yaml"
 INFRARED = RIGS / "infrared.yaml"
+MOSAIC = RIGS / "mosaic.yaml"
 EIGHT = RIGS / "eight_leds.yaml"
 
 PAIRS = [(i, j) for i in range(6) for j in range(i + 1, 6)]
@@ -45,6 +46,8 @@ def sequences(quick):
         add(f"hard_{seed}", ["--seed", seed, "--kind", "hard"], group="hard")
     add("blackout", ["--seed", 11, "--frames", 300, "--blackout", "2,2.5"])
     add("infrared", ["--seed", 12], INFRARED)
+    for seed in range(21, 22 if quick else 24):
+        add(f"mosaic_{seed}", ["--seed", seed], MOSAIC, group="mosaic")
     add("strays_100", ["--seed", 13, "--frames", 300, "--stray", 100], group="100 strays")
     dead = [("one dead", ALAN, (2,)), ("two dead", ALAN, (0, 4)),
             ("three of eight dead", EIGHT, (1, 4, 6))]
