@@ -1,6 +1,7 @@
 #include "alight/geometry/mosaic.h"
 
 #include <cassert>
+#include <initializer_list>
 
 namespace alight {
 
@@ -23,27 +24,36 @@ const char* to_string(Mosaic mosaic) {
 void interpolate_colors(const std::uint8_t* raw, int width, int height, Mosaic mosaic,
                         std::uint8_t* bgr) {
   assert(mosaic != Mosaic::none && width > 1 && height > 1);
-  const auto mean = [](int sum, int n) {
-    return static_cast<std::uint8_t>((sum + n / 2) / n);
+  const auto mean2 = [](unsigned sum) {
+    return static_cast<std::uint8_t>((sum + 1) / 2);
   };
-  for (int v = 0; v < height; ++v) {
-    const std::uint8_t* own = raw + std::ptrdiff_t{v} * width;
-    const std::uint8_t* above = v > 0 ? own - width : own + width;
-    const std::uint8_t* below = v < height - 1 ? own + width : own - width;
-    for (int u = 0; u < width; ++u, bgr += 3) {
-      const int left = u > 0 ? u - 1 : u + 1, right = u < width - 1 ? u + 1 : u - 1;
-      const int beside = own[left] + own[right], upright = above[u] + below[u];
-      const int seen = channel_at(mosaic, u, v);
-      bgr[seen] = own[u];
-      if (seen == 1) {
-        const int along_row = channel_at(mosaic, left, v);
-        bgr[along_row] = mean(beside, 2);
-        bgr[2 - along_row] = mean(upright, 2);
-      } else {
-        bgr[1] = mean(beside + upright, 4);
-        bgr[2 - seen] =
-            mean(above[left] + above[right] + below[left] + below[right], 4);
-      }
+  const auto mean4 = [](unsigned sum) {
+    return static_cast<std::uint8_t>((sum + 2) / 4);
+  };
+  for (int v = 0; v < height; ++v, raw += width, bgr += std::ptrdiff_t{3} * width) {
+    const std::uint8_t* above = v > 0 ? raw - width : raw + width;
+    const std::uint8_t* below = v < height - 1 ? raw + width : raw - width;
+    // In each row green ones and those of one other colour take turns.
+    const int green = channel_at(mosaic, 0, v) == 1 ? 0 : 1;
+    const int other = channel_at(mosaic, 1 - green, v);
+    const auto green_at = [&](int left, int u, int right) {
+      std::uint8_t* out = bgr + std::ptrdiff_t{3} * u;
+      out[1] = raw[u];
+      out[other] = mean2(unsigned{raw[left]} + raw[right]);
+      out[2 - other] = mean2(unsigned{above[u]} + below[u]);
+    };
+    const auto other_at = [&](int left, int u, int right) {
+      std::uint8_t* out = bgr + std::ptrdiff_t{3} * u;
+      out[other] = raw[u];
+      out[1] = mean4(unsigned{raw[left]} + raw[right] + above[u] + below[u]);
+      out[2 - other] =
+          mean4(unsigned{above[left]} + above[right] + below[left] + below[right]);
+    };
+    for (int u = 2 - green; u < width - 1; u += 2) green_at(u - 1, u, u + 1);
+    for (int u = 1 + green; u < width - 1; u += 2) other_at(u - 1, u, u + 1);
+    for (const int u : {0, width - 1}) {
+      const int inwards = u == 0 ? 1 : u - 1;
+      u % 2 == green ? green_at(inwards, u, inwards) : other_at(inwards, u, inwards);
     }
   }
 }
@@ -51,8 +61,11 @@ void interpolate_colors(const std::uint8_t* raw, int width, int height, Mosaic m
 void take_own_colors(const std::uint8_t* bgr, int width, int height, Mosaic mosaic,
                      std::uint8_t* raw) {
   assert(mosaic != Mosaic::none);
-  for (int v = 0; v < height; ++v) {
-    for (int u = 0; u < width; ++u, bgr += 3) *raw++ = bgr[channel_at(mosaic, u, v)];
+  for (int v = 0; v < height; ++v, raw += width, bgr += std::ptrdiff_t{3} * width) {
+    for (const int first : {0, 1}) {
+      const std::uint8_t* from = bgr + channel_at(mosaic, first, v);
+      for (int u = first; u < width; u += 2) raw[u] = from[std::ptrdiff_t{3} * u];
+    }
   }
 }
 

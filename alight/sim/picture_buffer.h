@@ -43,11 +43,11 @@ class PictureBuffer {
   /// The pixels of `line` from its `first` on. @pre as many as the picture has.
   void lay(const std::shared_ptr<const Line>& line, std::size_t first, int new_width,
            int new_height) {
-    resize(new_width, new_height);
-    if (line != line_ || all_written_) {
+    if (line != line_) {
       values_ = *line;
       line_ = line;
-      all_written_ = false;
+    } else if (all_written_) {
+      std::copy_n(line->data() + first_, size(), values_.data() + first_);
     } else {
       for (const Piece& piece : written_) {
         std::copy_n(line->data() + piece.first, piece.count,
@@ -55,6 +55,8 @@ class PictureBuffer {
       }
     }
     written_.clear();
+    all_written_ = false;
+    resize(new_width, new_height);
     first_ = first * kChannels;
   }
 
