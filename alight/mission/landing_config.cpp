@@ -16,6 +16,12 @@ Result<void> LandingConfig::validate() const {
   if (!(external_velocity_sd_max_m_s > 0)) {
     return fail(Fault::invalid_config, "external_velocity_sd_max_m_s must be positive");
   }
+  if (!(first_pose_speed_max_m_s > 0)) {
+    return fail(Fault::invalid_config, "first_pose_speed_max_m_s must be positive");
+  }
+  if (!(first_pose_wait_s > 0)) {
+    return fail(Fault::invalid_config, "first_pose_wait_s must be positive");
+  }
   return {};
 }
 

@@ -130,6 +130,8 @@ struct LandingSystem::Parts {
   Time told_alone = 0;  // when it was still so, by telemetry
   bool heading_known = false;
   int heading_off = 0;  // telemetry in a row that contradicts it
+  Time first_pose = 0;  // that could have been told to the autopilot,
+  bool poses_told = false;  // which it was, or a later one
   Time reckoned = 0;    // when its velocity was told last, unseen
   RelativeState x_seen;
   Eigen::Quaterniond tilt_at_rest = Eigen::Quaterniond::Identity();  // on a level deck
@@ -159,7 +161,8 @@ struct LandingSystem::Parts {
   void watch_floor(const AutopilotTelemetry& t);
   void learn_own_velocity(const AutopilotTelemetry& t);
   void reckon(Time now);
-  void external_pose(const FrameReport& frame, Output& out) const;
+  void external_pose(const FrameReport& frame, Output& out);
+  bool may_tell_first(const ExternalPose& pose) const;
   /// What its autopilot believes at `t`, of a drone that is then as in `ahead`.
   OwnMotion own_motion(const MotionState& ahead, const PlatformState& at, Time t,
                        bool standing) const;
@@ -396,7 +399,7 @@ void LandingSystem::Parts::take(const Event& event, Time now, Output& out,
   if (!good) ++refused;
 }
 
-void LandingSystem::Parts::external_pose(const FrameReport& frame, Output& out) const {
+void LandingSystem::Parts::external_pose(const FrameReport& frame, Output& out) {
   const double velocity_sd = largest_sd(frame.cov.bottomRightCorner<3, 3>());
   if (!platform.ready() || velocity_sd > config.external_velocity_sd_max_m_s) return;
   const PlatformState at = platform.at(frame.t);
@@ -415,7 +418,20 @@ void LandingSystem::Parts::external_pose(const FrameReport& frame, Output& out) 
       square(config.odometry_rotation_sd_deg * kDegree);
   pose.cov.diagonal().tail<3>().array() += square(config.odometry_velocity_sd_m_s);
   pose.resets = platform.resets();
-  out.has_external_pose = true;
+  if (first_pose == 0) first_pose = frame.t;
+  poses_told = poses_told || may_tell_first(pose);
+  out.has_external_pose = poses_told;
+}
+
+// From the floor an autopilot takes over the heading of the first pose in the air. What
+// was sent by its old one until telemetry shows that has it lean elsewhere for a quarter
+// of a second: first the drone must be braked.
+bool LandingSystem::Parts::may_tell_first(const ExternalPose& pose) const {
+  const MissionState state = mission.status().state;
+  const bool begins = state == MissionState::taken_off || state == MissionState::follow;
+  return !config.mission.start_on_floor || !begins ||
+         pose.v_IB.norm() < config.first_pose_speed_max_m_s ||
+         to_seconds(pose.captured - first_pose) > config.first_pose_wait_s;
 }
 
 Setpoint LandingSystem::Parts::resting_setpoint(const PlatformState& at,

@@ -106,7 +106,8 @@ struct MissionConfig {
   double slip_tilt_deg = 3;       ///< or tilted: feedback can wait no longer.
   double failsafe_s = 1;          ///< The autopilot's failsafe is given this to end.
   double blind_max_s = 3.2;       ///< From the floor: sight must come by then.
-  double blind_ramp_rate = 0.25;  ///< As ramp_rate, from the floor: sight comes late.
+  double blind_ramp_rate = 1.1;   ///< As ramp_rate, from the floor: unseen, and light on
+                                  ///< its feet, it is blown away.
   double blind_ramp_to = 1.35;    ///< As ramp_to: heavier it cannot be.
   double battery_sure_s = 0.3;    ///< So long low in flight: no dip of the voltage.
 
