@@ -38,8 +38,8 @@ struct LandingConfig {
   /// So well the drone's velocity must be known (sd in any direction) for that pose to
   /// be sent: the autopilot would lean against a drift that there is not.
   double external_velocity_sd_max_m_s = 0.3;
-  /// From the floor, in the air: the first such pose goes out once the drone is no faster
-  /// than this over the ground, or after `first_pose_wait_s`.
+  /// From the floor, in the air: the first such pose goes out once the drone is no
+  /// faster than this over the ground, or after `first_pose_wait_s`.
   double first_pose_speed_max_m_s = 0.6;
   double first_pose_wait_s = 2.5;
 

@@ -129,10 +129,10 @@ struct LandingSystem::Parts {
   std::size_t unanswered_next = 0, unanswered_count = 0;
   Time told_alone = 0;  // when it was still so, by telemetry
   bool heading_known = false;
-  int heading_off = 0;  // telemetry in a row that contradicts it
-  Time first_pose = 0;  // that could have been told to the autopilot,
+  int heading_off = 0;      // telemetry in a row that contradicts it
+  Time first_pose = 0;      // that could have been told to the autopilot,
   bool poses_told = false;  // which it was, or a later one
-  Time reckoned = 0;    // when its velocity was told last, unseen
+  Time reckoned = 0;        // when its velocity was told last, unseen
   RelativeState x_seen;
   Eigen::Quaterniond tilt_at_rest = Eigen::Quaterniond::Identity();  // on a level deck
   bool calibrated = false;                                           // or tried to
@@ -424,8 +424,8 @@ void LandingSystem::Parts::external_pose(const FrameReport& frame, Output& out) 
 }
 
 // From the floor an autopilot takes over the heading of the first pose in the air. What
-// was sent by its old one until telemetry shows that has it lean elsewhere for a quarter
-// of a second: first the drone must be braked.
+// was sent by its old one until telemetry shows that has it lean elsewhere for a
+// quarter of a second: first the drone must be braked.
 bool LandingSystem::Parts::may_tell_first(const ExternalPose& pose) const {
   const MissionState state = mission.status().state;
   const bool begins = state == MissionState::taken_off || state == MissionState::follow;

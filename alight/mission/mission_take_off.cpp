@@ -36,6 +36,8 @@ constexpr double kStandNoise = 0.001;  // m; a rise that standing drones show
 constexpr double kStands = 0.002;      // m; higher it may have left the ground
 constexpr double kMaySlide = 0.75;     // With less of the hover thrust wind moves none.
 constexpr Seconds kRampActsIn = 0.1;  // Later, the take-off's thrust grows more slowly.
+constexpr double kLowPad =
+    0.3;  // m above the floor; a higher one hides a longer climb.
 // A drone that stands: so near to its feet's height, m, so level, as slow as this, m/s,
 // for so long. Before its first start a rig that is not as written down feigns more,
 // and any speed as LEDs flicker.
@@ -177,8 +179,11 @@ void Mission::taken_off(const MissionInput& in, Command& c, Output& out) {
   c.mode = Command::Mode::ramp;
   const double most = config_.start_on_floor ? config_.blind_ramp_to : config_.ramp_to;
   c.ramp_share = std::min(share, most);
+  // What thrust takes longer to grow, sight may take longer to come.
+  const Seconds slower = (config_.blind_ramp_to - config_.ramp_from) *
+                         (1 / rate - 1 / config_.blind_ramp_rate);
   const Seconds limit =
-      config_.start_on_floor ? config_.blind_max_s : config_.ramp_timeout_s;
+      config_.start_on_floor ? config_.blind_max_s + slower : config_.ramp_timeout_s;
   // Unseen, it would climb and climb. It may be off the ground by a few centimetres:
   // with less thrust than carries it, it comes down softly.
   const bool stale =
@@ -295,7 +300,11 @@ void Mission::lift(bool carried, double flown, const MissionInput& in, Command& 
 // Until lift-off is known and answered thrust goes on growing: over a late link it
 // would throw the drone up, off to where the wind drives it, faster than it is seen.
 double Mission::ramp_rate(const MissionInput& in) const {
-  if (config_.start_on_floor) return config_.blind_ramp_rate;
+  // Behind a high pad it would come into sight faster than it can be stopped.
+  if (config_.start_on_floor) {
+    return config_.blind_ramp_rate *
+           std::min(1.0, kLowPad / std::max(above_floor_, 0.1));
+  }
   return config_.ramp_rate * std::min(1.0, kRampActsIn / std::max(in.acts_in, 1e-3));
 }
 

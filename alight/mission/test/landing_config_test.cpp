@@ -15,7 +15,9 @@ TEST(LandingConfig, NamesWhatIsOutOfBounds) {
   } fields[] = {
       {&LandingConfig::event_age_max_s, "event_age_max_s"},
       {&LandingConfig::heading_smoothing, "heading_smoothing"},
-      {&LandingConfig::external_velocity_sd_max_m_s, "external_velocity_sd_max_m_s"}};
+      {&LandingConfig::external_velocity_sd_max_m_s, "external_velocity_sd_max_m_s"},
+      {&LandingConfig::first_pose_speed_max_m_s, "first_pose_speed_max_m_s"},
+      {&LandingConfig::first_pose_wait_s, "first_pose_wait_s"}};
   for (const auto& [field, name] : fields) {
     for (const double bad : {0.0, -1.0, std::numeric_limits<double>::quiet_NaN()}) {
       LandingConfig config = LandingConfig::standard(alan_rig());

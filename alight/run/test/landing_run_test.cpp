@@ -242,6 +242,22 @@ TEST(LandingRun, OverVelocitiesItStandsAt30KmH) {
   }
 }
 
+// Unseen and light on its feet it is blown away; seen, it is braked before its
+// autopilot takes over another heading.
+TEST(LandingRun, FromTheFloorInWindFromAnySide) {
+  int landed = 0;
+  for (int k = 0; k < 8; ++k) {
+    LandingRunOptions options = options_of(k % 2 ? "circle" : "still", 700 + k);
+    options.scenario.start.place = StartPlace::floor;
+    options.scenario.wind.mean_m_s = 4;
+    options.scenario.wind.from_deg = 45 * k;
+    const LandingResult result = run(options);
+    EXPECT_NE(result.outcome, Outcome::crashed) << k << ": " << result.reason;
+    landed += result.outcome == Outcome::landed ? 1 : 0;
+  }
+  EXPECT_GE(landed, 7);
+}
+
 /// Twice as large.
 Rig large_rig() {
   Rig rig = alan_rig();
