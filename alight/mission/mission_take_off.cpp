@@ -37,7 +37,7 @@ constexpr double kStands = 0.002;      // m; higher it may have left the ground
 constexpr double kMaySlide = 0.75;     // With less of the hover thrust wind moves none.
 constexpr Seconds kRampActsIn = 0.1;  // Later, the take-off's thrust grows more slowly.
 constexpr double kLowPad =
-    0.3;  // m above the floor; a higher one hides a longer climb.
+    0.3;  // m; behind a higher one the climb is unseen for longer.
 // A drone that stands: so near to its feet's height, m, so level, as slow as this, m/s,
 // for so long. Before its first start a rig that is not as written down feigns more,
 // and any speed as LEDs flicker.
@@ -179,11 +179,12 @@ void Mission::taken_off(const MissionInput& in, Command& c, Output& out) {
   c.mode = Command::Mode::ramp;
   const double most = config_.start_on_floor ? config_.blind_ramp_to : config_.ramp_to;
   c.ramp_share = std::min(share, most);
-  // What thrust takes longer to grow, sight may take longer to come.
-  const Seconds slower = (config_.blind_ramp_to - config_.ramp_from) *
-                         (1 / rate - 1 / config_.blind_ramp_rate);
-  const Seconds limit =
-      config_.start_on_floor ? config_.blind_max_s + slower : config_.ramp_timeout_s;
+  Seconds limit = config_.ramp_timeout_s;
+  if (config_.start_on_floor) {
+    // What thrust takes longer to grow, sight may take longer to come.
+    limit = config_.blind_max_s + (config_.blind_ramp_to - config_.ramp_from) *
+                                      (1 / rate - 1 / config_.blind_ramp_rate);
+  }
   // Unseen, it would climb and climb. It may be off the ground by a few centimetres:
   // with less thrust than carries it, it comes down softly.
   const bool stale =

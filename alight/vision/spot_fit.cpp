@@ -36,7 +36,7 @@ constexpr double kSkirtInformationLeast = 1;
 constexpr int kLane = 8;         // pixels go through the machine in eights
 constexpr int kPixelsMax = 512;  // a multiple of kLane
 
-/// How bright a pixel is for what it is made of: by the sort of picture.
+/// What of a pixel is fitted.
 enum class Sees { luminance, own_color };
 
 /// The pixels around the lights. Past `count`, up to a whole lane, they weigh nothing.
@@ -507,8 +507,10 @@ std::optional<SpotFit> fit(const Pixels& pixels, std::span<const LightSought> so
   if constexpr (kOwnColor) {
     const bool alike = std::all_of(colors.begin(), colors.end(),
                                    [&](const auto& one) { return one == colors[0]; });
-    const ColorSeen now_seen = color_of(pixels, lights, spread, blur);
-    if (alike && now_seen.told) out.color = now_seen.color;
+    if (alike) {
+      const ColorSeen seen = color_of(pixels, lights, spread, blur);
+      if (seen.told) out.color = seen.color;
+    }
   }
   return out;
 }

@@ -584,13 +584,17 @@ def main():
         led["xyz_m"] = [float(x) for x in moved]
     leds = np.array([led["xyz_m"] for led in true["leds"]], float)
     lens = Lens(true)
+    sites = sites_of(rig["camera"].get("mosaic", "none"))
+    if o.grey and sites:
+        stop("--grey: a camera without colours has no mosaic")
+    if o.yuv422 and lens.width % 2:
+        stop(f"--yuv422: needs an even width, the rig's camera has {lens.width}")
     rate = float(rig["camera"].get("rate_hz", 60))
     exposure = 1e-3 * float(rig["camera"].get("exposure_ms", 2))
     seconds = o.frames / rate
     flight, close = draw_flight(rng["path"], lens, leds, max(seconds, 10.0))
 
-    look = Look(rng["look"], o.kind, o.grey, sites_of(rig["camera"].get("mosaic", "none")),
-                o.yuv422)
+    look = Look(rng["look"], o.kind, o.grey, sites, o.yuv422)
     gains = np.exp(rng["leds"].normal(0, 0.12, count))
     if o.kind == "hard":
         gains = 3.0**(rng["leds"].permutation(count) / max(count - 1, 1) - 0.5)
