@@ -227,13 +227,7 @@ Result<void> RelativeFilter::predict_to(Time t, const PredictionInput& given) {
   }
   if (t == time_) return {};
   PredictionInput input = given;
-  if (!config_.platform_motion) input.platform = PlatformState{};
-  if (config_.model == ProcessModel::hover) input.f_N.setZero();
-  input.w_NB_B += turn_.w;
-  if (!finite(input.platform) || !input.f_N.allFinite() || !input.w_NB_B.allFinite() ||
-      !input.lift_N.allFinite()) {
-    return fail(Fault::invalid_input);
-  }
+  if (!taken(input)) return fail(Fault::invalid_input);
 
   const Seconds dt = to_seconds(t - time_);
   Matrix15 F;
@@ -273,6 +267,30 @@ Result<void> RelativeFilter::predict_to(Time t, const PredictionInput& given) {
   return {};
 }
 
+bool RelativeFilter::taken(PredictionInput& input) const {
+  if (!config_.platform_motion) input.platform = PlatformState{};
+  if (config_.model == ProcessModel::hover) input.f_N.setZero();
+  input.w_NB_B = turn_rate(input);
+  return finite(input.platform) && input.f_N.allFinite() && input.w_NB_B.allFinite() &&
+         input.lift_N.allFinite();
+}
+
+void RelativeFilter::shift(Seconds dt, const PredictionInput& given) {
+  PredictionInput input = given;
+  if (!initialized_ || !std::isfinite(dt) || dt == 0 || !taken(input)) return;
+  Matrix15 F;
+  const MotionState next = extrapolate(state_, input, dt, config_.motion(), &F);
+  const Transition transition(F);
+  Matrix15 P = transition.carry(P_);
+  TurnRate turn = turn_;
+  if (config_.noise.turn > 0) turn.cross = turn_by_rate(dt, F, P);
+  if (!P.allFinite() || !next.x.p_NB.allFinite() || !next.x.R_NB.allFinite()) return;
+  state_ = next;
+  turn_ = turn;
+  P_ = 0.5 * (P + P.transpose());
+  if (knows_led_errors()) transition.carry(led_bias_);
+}
+
 RelativeFilter::TurnRate RelativeFilter::unknown_turn() {
   TurnRate turn;
   turn.P = kTurnRateSd * kTurnRateSd * Matrix3::Identity();
@@ -285,20 +303,27 @@ double RelativeFilter::restless_unseen(Time t) const {
   return restless_ * (1 + std::max(unseen, 0.0) / kTurnsElsewhere);
 }
 
-RelativeFilter::TurnRate RelativeFilter::predict_turn(Seconds dt, double restless,
-                                                      const Matrix15& F,
-                                                      Matrix15& P) const {
+Eigen::Matrix<double, 3, 15> RelativeFilter::turn_by_rate(Seconds dt, const Matrix15& F,
+                                                          Matrix15& P) const {
   // R turns by the rate: P += F C' B' + B C F' + B W B', with B = dt in the rows of R.
   const Eigen::Matrix<double, 15, 3> carried = F.lazyProduct(turn_.cross.transpose());
   P.middleCols<3>(3) += dt * carried;
   P.middleRows<3>(3) += dt * carried.transpose();
   P.block<3, 3>(3, 3) += dt * dt * turn_.P;
+  Eigen::Matrix<double, 3, 15> cross = carried.transpose();
+  cross.middleCols<3>(3) += dt * turn_.P;
+  return cross;
+}
+
+RelativeFilter::TurnRate RelativeFilter::predict_turn(Seconds dt, double restless,
+                                                      const Matrix15& F,
+                                                      Matrix15& P) const {
+  const Eigen::Matrix<double, 3, 15> cross = turn_by_rate(dt, F, P);
   const double kept = std::exp(-dt / kTurnMemory);
   const double q2 = restless * config_.noise.turn * config_.noise.turn;
   TurnRate next;
   next.w = kept * turn_.w;
-  next.cross = kept * carried.transpose();
-  next.cross.middleCols<3>(3) += kept * dt * turn_.P;
+  next.cross = kept * cross;
   next.P = kept * kept * turn_.P;
   next.P.diagonal().array() += q2 * kTurnMemory / 2 * (1 - kept * kept);
   return next;

@@ -77,6 +77,16 @@ class RelativeFilter {
     return {};
   }
 
+  /// Carries the state to when something was seen `dt` s after time(), or before,
+  /// within one picture; without noise and, as time() stays, to be undone by -dt.
+  /// Nothing happens unless initialized, with all of it finite.
+  void shift(Seconds dt, const PredictionInput& input);
+
+  /// Rate of B against N, in B, rad/s: the input's with what has been learnt beside it.
+  Vector3 turn_rate(const PredictionInput& input) const {
+    return input.w_NB_B + turn_.w;
+  }
+
   /// Fuses the correspondences of a picture taken at time(). On failure the prediction
   /// stands:
   ///   invalid_input   not initialized, frame.t is not time() (late, repeated, early)
@@ -167,6 +177,11 @@ class RelativeFilter {
   };
   static TurnRate unknown_turn();
   double restless_unseen(Time t) const;
+  /// The input as the filter takes it; false: not finite.
+  bool taken(PredictionInput& input) const;
+  /// P turned by the rate for dt. @returns the rate's covariance with the state then.
+  Eigen::Matrix<double, 3, 15> turn_by_rate(Seconds dt, const Matrix15& F,
+                                            Matrix15& P) const;
   TurnRate predict_turn(Seconds dt, double restless, const Matrix15& F,
                         Matrix15& P) const;
   void learn_turn(const MotionState& next, const Matrix15& P);

@@ -100,16 +100,18 @@ struct MissionConfig {
   double ramp_rate = 1.4;  ///< its growth, 1/s,
   double ramp_to = 1.6;    ///< and its end.
   double ramp_timeout_s = 4;
-  double lift_m = 0.012;         ///< Rise by which the drone has left the ground.
-  double slip_m = 0.006;         ///< Or so far to the side,
-  double slip_m_s = 0.015;       ///< so fast,
-  double slip_tilt_deg = 3;      ///< or tilted: feedback can wait no longer.
-  double failsafe_s = 1;         ///< The autopilot's failsafe is given this to end.
-  double blind_max_s = 1.8;      ///< From the floor: sight must come by then.
+  double lift_m = 0.012;     ///< Rise by which the drone has left the ground.
+  double slip_m = 0.006;     ///< Or so far to the side,
+  double slip_m_s = 0.015;   ///< so fast,
+  double slip_tilt_deg = 3;  ///< or tilted: feedback can wait no longer.
+  double failsafe_s = 1;     ///< The autopilot's failsafe is given this to end.
+  double blind_max_s = 1.8;  ///< From the floor: sight must come by then; behind pads
+                             ///< higher than 0.3 m later by what thrust takes longer.
   double blind_ramp_rate = 1.1;  ///< As ramp_rate, from the floor: unseen, and light on
-                                 ///< its feet, it is blown away.
-  double blind_ramp_to = 1.35;   ///< As ramp_to: heavier it cannot be.
-  double battery_sure_s = 0.3;   ///< So long low in flight: no dip of the voltage.
+                                 ///< its feet, it is blown away. Behind pads higher
+                                 ///< than 0.3 m so much less as they are higher.
+  double blind_ramp_to = 1.35;  ///< As ramp_to: heavier it cannot be.
+  double battery_sure_s = 0.3;  ///< So long low in flight: no dip of the voltage.
 
   Result<void> validate() const;
 };

@@ -4,6 +4,8 @@
 #include <bit>
 #include <cmath>
 
+#include "alight/geometry/row_delay.h"
+
 namespace alight {
 namespace {
 
@@ -128,6 +130,7 @@ RelativeEstimator::RelativeEstimator(const RelativeEstimatorConfig& config,
       leds_written_(rig.leds),
       mosaic_(rig.mosaic),
       exposure_(rig.timing.exposure_ms * 1e-3),
+      readout_(rig.timing.readout_ms * 1e-3),
       detector_(std::move(detector)),
       finder_(std::move(finder)),
       tracker_(std::move(tracker)),
@@ -222,6 +225,7 @@ bool RelativeEstimator::fuse(const CameraFrame& given, const MotionSource& motio
   }
   lift_N_ = motion.at(frame.captured, filter_.state()).lift_N;
 
+  if (!frozen_) shift_to_drone(frame.captured, motion);
   if (frozen_) {
     ++misses_;
     out.why_not = "the camera repeats its picture";
@@ -259,6 +263,7 @@ bool RelativeEstimator::fuse(const CameraFrame& given, const MotionSource& motio
   } else {
     search(frame, motion, out, probe);
   }
+  if (!frozen_) shift_back(frame.captured, motion);
   if (out.tracked) last_sight_ = frame.captured;
   if (out.tracked && doubt_.open()) {
     out.tracked = false;
@@ -484,9 +489,12 @@ bool RelativeEstimator::well_known() const {
   return p_sd < config_.known_sd_m && turn_sd < config_.known_sd_deg * kDegree;
 }
 
-bool RelativeEstimator::accept(const LedFrame& leds, std::size_t agreeing,
+bool RelativeEstimator::accept(const LedFrame& given, std::size_t agreeing,
                                double rms_max_px, FrameReport& out, Probe* probe) {
   const ProbeScope scope(probe, Stage::filter);
+  std::optional<LedFrame> at_once;
+  if (readout_ > 0) at_once = seen_at_once(given);
+  const LedFrame& leds = at_once ? *at_once : given;
   if (would_jump(leds)) {
     out.why_not = "too few LEDs are left for a rig that is this far off";
     return false;
@@ -543,6 +551,9 @@ bool RelativeEstimator::accept(const LedFrame& leds, std::size_t agreeing,
     LedUse use;
     use.observation.leds = seen.leds;
     use.observation.uv = seen.uv;
+    for (std::size_t k = 0; at_once && k < given.seen.size(); ++k) {
+      if (given.seen[k].leds == seen.leds) use.observation.uv = given.seen[k].uv;
+    }
     use.nis = seen.nis;
     out.leds.push_back(use);
   }
@@ -644,6 +655,41 @@ FixedVector<Vector2, kMaxLeds> RelativeEstimator::image_motion(const Pose& X_NB)
       way = exposure_ * (J.leftCols<3>() * filter_.state().v_NB);
     }
     out.push_back(way);
+  }
+  return out;
+}
+
+Seconds RelativeEstimator::delay_of(const Pose& X_NB) const {
+  const int height = camera_.intrinsics.height;
+  const LedImages images = led_images(camera_, leds_, X_NB);
+  if (readout_ <= 0 || images.count == 0) return 0;
+  return row_delay(std::clamp(images.middle.y(), 0.0, height - 1.0), height, readout_);
+}
+
+void RelativeEstimator::shift_to_drone(Time t, const MotionSource& motion) {
+  delay_ = 0;
+  if (readout_ <= 0 || !filter_.initialized()) return;
+  const PredictionInput input = motion.at(t, filter_.state());
+  delay_ = delay_of(filter_.state().X_NB());
+  w_NB_B_ = filter_.turn_rate(input);
+  filter_.shift(delay_, input);
+}
+
+void RelativeEstimator::shift_back(Time t, const MotionSource& motion) {
+  if (readout_ <= 0 || !filter_.initialized()) return;
+  // A drone just found may be elsewhere than it was expected.
+  filter_.shift(-delay_of(filter_.state().X_NB()), motion.at(t, filter_.state()));
+}
+
+LedFrame RelativeEstimator::seen_at_once(const LedFrame& leds) const {
+  LedFrame out = leds;
+  const RelativeState& x = filter_.state();
+  for (LedObservation& o : out.seen) {
+    Matrix26 J;
+    if (!project_observation(camera_, x.X_NB(), leds_, o.leds, &J)) continue;
+    const Seconds later =
+        row_delay(o.uv.y(), camera_.intrinsics.height, readout_) - delay_;
+    o.uv -= later * (J.leftCols<3>() * x.v_NB + J.rightCols<3>() * w_NB_B_);
   }
   return out;
 }

@@ -250,6 +250,14 @@ class RelativeEstimator {
   BlobSpan without_twins(BlobSpan blobs);
   /// Way of each LED's image during the exposure, px.
   FixedVector<Vector2, kMaxLeds> image_motion(const Pose& X_NB) const;
+  /// When a rolling shutter sees the middle of a drone there, after the picture's time.
+  Seconds delay_of(const Pose& X_NB) const;
+  /// The filter to when the drone is seen: in between, it is meant by all that looks.
+  void shift_to_drone(Time t, const MotionSource& motion);
+  /// And back to the picture's time.
+  void shift_back(Time t, const MotionSource& motion);
+  /// Images as if all had been exposed with the middle of them.
+  LedFrame seen_at_once(const LedFrame& leds) const;
   void report_state(FrameReport& out) const;
   void remember_rest(const LedFrame& leds);
   /// What is never known well enough may be LEDs taken for others: all that they seemed
@@ -269,7 +277,9 @@ class RelativeEstimator {
   Camera camera_written_;
   Constellation leds_written_;
   Mosaic mosaic_;
-  Seconds exposure_;
+  Seconds exposure_, readout_;
+  Seconds delay_ = 0;                 // of the picture that is looked at
+  Vector3 w_NB_B_ = Vector3::Zero();  // then
   BlobDetector detector_;
   LedFinder finder_;
   LedTracker tracker_;

@@ -25,6 +25,8 @@ constexpr double kTrackedRad = 15 * kDegree;
 constexpr Seconds kRestAfterStop = 1.0;
 // From when the autopilot is told to follow again to when that shows.
 constexpr Seconds kHelpless = 0.5;
+// A rolling shutter takes a tenth of a second at most: straight ways in between do.
+constexpr int kRollingPieces = 6;
 constexpr std::size_t kCameraBuffers = 8;  // pictures that wait; then the oldest goes
 
 /// A picture taken, on its way to the brain.
@@ -32,7 +34,7 @@ struct Exposure {
   std::uint64_t index = 0;
   Time captured = 0;
   Time received = 0;
-  std::array<SceneAt, 3> scene;
+  FixedVector<SceneAt, kMaxInstants> scene;
   SceneAt depth_scene;
   TruthState truth;
   PictureTrouble trouble;
@@ -283,9 +285,8 @@ Result<void> Loop::take_pictures(Time now) {
     const Time t = from_seconds((static_cast<double>(next_picture_) + 0.5) * period);
     const PictureTrouble trouble = camera_faults_.at(t, next_picture_);
     // What is asked for beyond the longest exposure is gain.
-    const double exposure_s = std::min(
-        1e-3 * options_.rig.timing.exposure_ms * trouble.exposure_factor, period);
-    const Time half = from_seconds(0.5 * exposure_s);
+    const CameraTiming& timing = options_.rig.timing;
+    const Time half = from_seconds(0.5 * span_of(timing, trouble.exposure_factor));
     if (t + std::max(half, depth_offset_) > now) return {};
     Exposure e;
     e.index = next_picture_++;
@@ -293,8 +294,10 @@ Result<void> Loop::take_pictures(Time now) {
     e.captured = t;
     e.received = t + from_seconds(1e-3 * options_.rig.timing.frame_to_use_ms);
     e.truth = world_->truth_at(t);
-    e.scene = {scene(world_->truth_at(t - half)), scene(e.truth),
-               scene(world_->truth_at(t + half))};
+    const int pieces = timing.readout_ms > 0 ? kRollingPieces : 2;
+    for (int k = 0; k <= pieces; ++k) {
+      e.scene.push_back(scene(world_->truth_at(t + (2 * k - pieces) * half / pieces)));
+    }
     e.depth_scene = scene(world_->truth_at(t + depth_offset_));
     hand_over(e);
   }
@@ -354,8 +357,8 @@ Result<void> Loop::gather(Time now) {
     DepthBuffer& depth = depths_[used];
     const bool with_depth = options_.depth && e.has_depth;
     const auto rendered =
-        renderer_.render(e.index, e.scene, color, with_depth ? &depth : nullptr,
-                         &e.depth_scene, &e.trouble);
+        renderer_.render(e.index, {e.scene.data(), e.scene.size()}, color,
+                         with_depth ? &depth : nullptr, &e.depth_scene, &e.trouble);
     if (!rendered) return fail(rendered.error());
     CameraFrame frame;
     frame.captured = e.captured;

@@ -235,7 +235,7 @@ Result<void> follow_script(const ReproduceOptions& options, Gatherer& gatherer) 
   if (!renderer) return fail(renderer.error());
   ColorBuffer color;
   DepthBuffer depth;
-  const double half = 0.5e-3 * options.rig.timing.exposure_ms;
+  const double half = 0.5 * span_of(options.rig.timing);
   for (std::uint64_t k = 0;; ++k) {
     const double t = (static_cast<double>(k) + 0.5) / options.rig.timing.rate_hz;
     if (t > ScriptedFlight::kEnd) return {};

@@ -187,11 +187,11 @@ SceneAt Sequence::scene(Seconds t) const {
 
 Result<void> Sequence::render(int k, ColorBuffer& color, Compression compression) {
   const Seconds t = to_seconds(time(k)) - kBegin;
-  const Seconds exposure = 1e-3 * options_.rig.timing.exposure_ms;
+  const Seconds span = span_of(options_.rig.timing);
   std::array<SceneAt, kInstants> scenes;
   for (std::size_t i = 0; i < kInstants; ++i) {
     const double share = static_cast<double>(i) / (kInstants - 1) - 0.5;
-    scenes[i] = scene(t + share * exposure);
+    scenes[i] = scene(t + share * span);
   }
   const bool dark = t >= options_.dark_from && t < options_.dark_to;
   const bool compressed = compression == Compression::applied;

@@ -25,6 +25,6 @@ std::vector<RoomLight> make_room_lights(const CameraSimConfig& config, Rng rng);
 /// Appends the images of the lights that the camera sees.
 void append_light_spots(std::span<const RoomLight> lights, const Camera& camera,
                         const Lens& lens, double psf_sd_px, double exposure_scale,
-                        std::span<const SceneAt> exposure, std::vector<Spot>& out);
+                        const RowScenes& scenes, std::vector<Spot>& out);
 
 }  // namespace alight

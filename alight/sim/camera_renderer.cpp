@@ -44,6 +44,7 @@ struct CameraRenderer::Parts {
         camera(true_rig.camera),
         lens(true_rig.camera.intrinsics),
         mosaic(true_rig.mosaic),
+        timing(true_rig.timing),
         exposure_scale(
             (c.exposure_ms > 0 ? c.exposure_ms : true_rig.timing.exposure_ms) /
             kNominalExposureMs),
@@ -63,6 +64,7 @@ struct CameraRenderer::Parts {
   Camera camera;
   Lens lens;
   Mosaic mosaic;
+  CameraTiming timing;
   double exposure_scale;
   Rng frames;
   Background background;
@@ -134,22 +136,25 @@ Result<void> CameraRenderer::render(std::uint64_t frame_index,
 
   p.background.fill(frame.fork("dark"), color);
   p.spots.clear();
-  append_light_spots(p.lights, p.camera, p.lens, p.config.psf_sd_px, p.exposure_scale,
-                     exposure, p.spots);
-  const std::size_t of_leds = p.spots.size();
   if (trouble != nullptr && !trouble->any) trouble = nullptr;
+  const double factor = trouble == nullptr ? 1 : trouble->exposure_factor;
+  const RowScenes scenes(exposure,
+                         1e-3 * p.timing.readout_ms / span_of(p.timing, factor),
+                         p.camera.intrinsics.height);
+  append_light_spots(p.lights, p.camera, p.lens, p.config.psf_sd_px, p.exposure_scale,
+                     scenes, p.spots);
+  const std::size_t of_leds = p.spots.size();
   if (trouble == nullptr) {
-    p.leds.append_spots(exposure, p.spots);
+    p.leds.append_spots(scenes, p.spots);
   } else {
-    p.leds.append_spots(exposure, p.spots, trouble->led_gain);
+    p.leds.append_spots(scenes, p.spots, trouble->led_gain);
     for (Spot& spot : p.spots) spot.flux *= trouble->exposure_factor;
     PictureSpoiler::expose(*trouble, color);
   }
   Rng shot = frame.fork("shot");
   for (std::size_t i = 0; i < of_leds; ++i) p.painter.paint(p.spots[i], shot, color);
   if (p.tag) {
-    p.tag->paint(exposure, trouble == nullptr ? 1 : trouble->exposure_factor,
-                 frame.fork("tag"), color);
+    p.tag->paint(scenes, factor, frame.fork("tag"), color);
   }
   for (std::size_t i = of_leds; i < p.spots.size(); ++i) {
     p.painter.paint(p.spots[i], shot, color);

@@ -10,14 +10,9 @@
 #include "alight/geometry/rig.h"
 #include "alight/sim/camera_config.h"
 #include "alight/sim/picture_buffer.h"
+#include "alight/sim/scene_at.h"
 
 namespace alight {
-
-/// Where platform and drone truly are at one instant.
-struct SceneAt {
-  Pose X_IN = Pose::Identity();
-  Pose X_NB = Pose::Identity();
-};
 
 struct PictureTrouble;
 struct RoomLight;
@@ -44,7 +39,8 @@ class CameraRenderer {
   /// Renders one frame; buffers that this renderer drew into before cost least.
   ///
   /// @param exposure    Instants at an even pace from the begin to the end of the
-  ///                    exposure, at least 1, at most 8; 2 blur along a straight line.
+  ///                    exposure, of a rolling shutter's first row to its last
+  ///                    (span_of), at least 1, at most 8; 2 blur along a straight line.
   /// @param depth       May be null.
   /// @param depth_scene When depth is captured; null: with the middle of the colour.
   /// @param trouble     What is wrong with the picture (camera_faults.h); null:

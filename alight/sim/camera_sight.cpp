@@ -143,12 +143,12 @@ bool LedView::in_sight(int i, const Pose& X_NB) const {
          !hidden_by_platform(p_NC, X_NB * rig_.leds.p_BL(i));
 }
 
-void LedView::append_spots(std::span<const SceneAt> exposure, std::vector<Spot>& out,
+void LedView::append_spots(const RowScenes& scenes, std::vector<Spot>& out,
                            std::span<const double> gain) const {
   for (int i = 0; i < rig_.leds.size(); ++i) {
     const std::size_t first = out.size();
-    append_direct(i, exposure, out);
-    if (config_.pad_reflectance > 0) append_mirrored(i, exposure, out);
+    append_direct(i, scenes, out);
+    if (config_.pad_reflectance > 0) append_mirrored(i, scenes, out);
     if (gain.empty()) continue;
     for (std::size_t k = first; k < out.size(); ++k) {
       out[k].flux *= gain[static_cast<std::size_t>(i)];
@@ -156,8 +156,14 @@ void LedView::append_spots(std::span<const SceneAt> exposure, std::vector<Spot>&
   }
 }
 
-void LedView::append_direct(int i, std::span<const SceneAt> exposure,
+void LedView::append_direct(int i, const RowScenes& scenes,
                             std::vector<Spot>& out) const {
+  const auto row_of = [&](const SceneAt& scene) -> std::optional<double> {
+    const auto uv = lens_.image(X_CN_ * (scene.X_NB * rig_.leds.p_BL(i)));
+    return uv ? std::optional(uv->y()) : std::nullopt;
+  };
+  RowScenes::Instants room;
+  const std::span<const SceneAt> exposure = scenes.where_seen(row_of, room);
   const Pose& X_NB = exposure[exposure.size() / 2].X_NB;
   const Vector3 p_NC = rig_.camera.X_NC.translation();
   if (!in_sight(i, X_NB)) return;
@@ -171,13 +177,20 @@ void LedView::append_direct(int i, std::span<const SceneAt> exposure,
   out.push_back(spot);
 }
 
-void LedView::append_mirrored(int i, std::span<const SceneAt> exposure,
+void LedView::append_mirrored(int i, const RowScenes& scenes,
                               std::vector<Spot>& out) const {
+  const Vector3 mirror(1, 1, -1);
+  const auto row_of = [&](const SceneAt& scene) -> std::optional<double> {
+    const Vector3 p_NL_k = scene.X_NB * rig_.leds.p_BL(i);
+    const auto uv = lens_.image(X_CN_ * p_NL_k.cwiseProduct(mirror));
+    return uv ? std::optional(uv->y()) : std::nullopt;
+  };
+  RowScenes::Instants room;
+  const std::span<const SceneAt> exposure = scenes.where_seen(row_of, room);
   const Pose& X_NB = exposure[exposure.size() / 2].X_NB;
   const Vector3 p_NC = rig_.camera.X_NC.translation();
   const Vector3 p_NL = X_NB * rig_.leds.p_BL(i);
   if (p_NC.z() <= 0 || p_NL.z() <= 0) return;
-  const Vector3 mirror(1, 1, -1);
   const Vector3 p_NM = p_NL.cwiseProduct(mirror);
   const double share = p_NC.z() / (p_NC.z() + p_NL.z());
   const Vector3 p_NH = p_NC + share * (p_NM - p_NC);  // where the ray meets the pad

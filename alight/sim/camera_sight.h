@@ -38,7 +38,7 @@ class LedView {
   LedView(const CameraSimConfig& config, const Rig& true_rig, Rng rng);
 
   /// Appends the images over an exposure. `gain` of each LED's brightness; none: 1.
-  void append_spots(std::span<const SceneAt> exposure, std::vector<Spot>& out,
+  void append_spots(const RowScenes& scenes, std::vector<Spot>& out,
                     std::span<const double> gain = {}) const;
 
   /// Whether light goes straight from LED `i` to the lens.
@@ -48,10 +48,8 @@ class LedView {
   bool hidden_by_platform(const Vector3& p_NA, const Vector3& p_NB) const;
   /// Brightness of the image towards a point, of 1 at 1 m head on.
   double light_towards(int i, const Pose& X_NB, const Vector3& p_NP) const;
-  void append_direct(int i, std::span<const SceneAt> exposure,
-                     std::vector<Spot>& out) const;
-  void append_mirrored(int i, std::span<const SceneAt> exposure,
-                       std::vector<Spot>& out) const;
+  void append_direct(int i, const RowScenes& scenes, std::vector<Spot>& out) const;
+  void append_mirrored(int i, const RowScenes& scenes, std::vector<Spot>& out) const;
   /// A spot of an LED at `z` m along the optical axis and `r` m of travel.
   Spot spot_of(int i, double strength, double r, double z, double blur_rad) const;
 

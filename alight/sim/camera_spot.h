@@ -9,8 +9,6 @@
 
 namespace alight {
 
-inline constexpr int kMaxInstants = 8;
-
 /// The image of one source of light before the sensor: a Gaussian drawn along a path.
 struct Spot {
   FixedVector<Vector2, kMaxInstants> path;  ///< px, passed at an even pace.

@@ -43,13 +43,6 @@ std::size_t index(int row, int width, int column) {
          static_cast<std::size_t>(column);
 }
 
-/// Between two poses of one exposure, `share` of the way.
-Pose between(const Pose& a, const Pose& b, double share) {
-  const Vector3 turn = so3_log(a.linear().transpose() * b.linear());
-  return make_pose(a.linear() * so3_exp(share * turn),
-                   a.translation() + share * (b.translation() - a.translation()));
-}
-
 }  // namespace
 
 Result<TagPattern> tag_pattern(const Tag& tag) {
@@ -178,8 +171,15 @@ void TagPainter::spread(const Box& box, std::vector<float>& image) {
   }
 }
 
-void TagPainter::paint(std::span<const SceneAt> exposure, double brightness, Rng rng,
+void TagPainter::paint(const RowScenes& scenes, double brightness, Rng rng,
                        ColorBuffer& out) {
+  const auto row_of = [&](const SceneAt& scene) -> std::optional<double> {
+    const Pose X_CT = X_CN_ * scene.X_NB * rig_.tag->X_BT;
+    const auto uv = rig_.camera.intrinsics.project(X_CT.translation());
+    return uv ? std::optional(uv->y()) : std::nullopt;
+  };
+  RowScenes::Instants room;
+  const std::span<const SceneAt> exposure = scenes.where_seen(row_of, room);
   if (!in_sight(exposure[exposure.size() / 2].X_NB)) return;
   Box box{out.width, out.height, 0, 0};
   double path_px = 0;

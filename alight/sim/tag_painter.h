@@ -33,9 +33,9 @@ class TagPainter {
   /// @pre true_rig.tag, and `pattern` is its.
   TagPainter(const CameraSimConfig& config, const Rig& true_rig, TagPattern pattern);
 
-  /// `brightness` scales the room's light; `rng` decides the shot noise.
-  void paint(std::span<const SceneAt> exposure, double brightness, Rng rng,
-             ColorBuffer& out);
+  /// `brightness` scales the room's light; `rng` decides the shot noise. A rolling
+  /// shutter sees all of a tag when it sees its middle.
+  void paint(const RowScenes& scenes, double brightness, Rng rng, ColorBuffer& out);
 
  private:
   struct Box {

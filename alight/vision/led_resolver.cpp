@@ -181,22 +181,20 @@ void LedResolver::learn(const Patch& patch) {
       (std::clamp(fit.chi2_per_pixel, kNoiseLeast, kNoiseMost) - noise_) / judged_;
 }
 
-LightColor LedResolver::color_of(int led) const {
-  const auto i = static_cast<std::size_t>(led);
-  if (colors_seen_[i] > 0) return colors_[i];
-  // LEDs that are written down alike look alike.
-  for (int k = 0; k < leds_.size(); ++k) {
-    const auto n = static_cast<std::size_t>(k);
-    if (colors_seen_[n] > 0 && leds_.color(k) == leds_.color(led)) return colors_[n];
-  }
-  return {};
-}
-
 void LedResolver::learn_color(int led, const LightColor& color) {
   const auto i = static_cast<std::size_t>(led);
   colors_seen_[i] = std::min(colors_seen_[i] + 1, kColorMemory);
   for (std::size_t c = 0; c < color.size(); ++c) {
     colors_[i][c] += (color[c] - colors_[i][c]) / static_cast<float>(colors_seen_[i]);
+  }
+  if (colors_seen_[i] > 1) return;
+  // LEDs that are written down alike look alike, until they have been looked at.
+  for (int k = 0; k < leds_.size(); ++k) {
+    const auto n = static_cast<std::size_t>(k);
+    if (colors_seen_[n] == 0 && !known(colors_[n]) &&
+        leds_.color(k) == leds_.color(led)) {
+      colors_[n] = colors_[i];
+    }
   }
 }
 
@@ -315,7 +313,7 @@ LedResolver::Look LedResolver::look_at(const ImageView& image, BlobSpan blobs,
   for (int i = 0; i < leds_.size(); ++i) {
     const auto n = static_cast<std::size_t>(i);
     if (images.in_front[n] && ((lit_ >> i) & 1)) {
-      look.lights[n] = {images.uv[n], heights_[n], color_of(i)};
+      look.lights[n] = {images.uv[n], heights_[n], colors_[n]};
     }
   }
   return look;
@@ -361,7 +359,7 @@ void LedResolver::fit(Look& look, Patch& patch) const {
   Vector2 blur = Vector2::Zero();
   for (const int i : patch.members) {
     const auto n = static_cast<std::size_t>(i);
-    sought.push_back({look.images.uv[n], heights_[n], color_of(i)});
+    sought.push_back({look.images.uv[n], heights_[n], colors_[n]});
     blur += look.blur_px[n] / count;
   }
   const int first = match.blob[static_cast<std::size_t>(patch.members[0])];

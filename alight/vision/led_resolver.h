@@ -89,7 +89,6 @@ class LedResolver {
                   const Assignment& match) const;
   void learn(const Patch& patch);
   void learn_color(int led, const LightColor& color);
-  LightColor color_of(int led) const;
   void learn_spread(const Patch& patch);
   void add(const Patch& patch, BlobSpan blobs, const Assignment& match,
            LedFrame& out) const;

@@ -6,7 +6,8 @@ an error that one program makes twice.
   render_sequence.py --out DIR [--kind clean|hard] [--rig F] [--seed N] ...
 
 Leaves frames.csv and pictures (a SOURCE of `alight track`), truth.tum and truth.csv
-(t,x,y,z,qx,qy,qz,qw,vx,vy,vz of the drone in the pad's frame, at mid-exposure), rig.yaml
+(t,x,y,z,qx,qy,qz,qw,vx,vy,vz of the drone in the pad's frame, at mid-exposure of the
+middle row), rig.yaml
 (as written down), rig_true.yaml (as it is) and sequence.json. Needs numpy, Pillow and
 PyYAML (Debian: python3-numpy python3-pil python3-yaml).
 
@@ -489,7 +490,24 @@ def hidden_by_pad(lens, points, pad):
     return points[..., 2] < 0
 
 
-def led_spots(t, flight, lens, leds, gains, look, rig, exposure):
+def row_delay(v, lens, readout):
+    """Rows are exposed one after the other, the middle one when the picture is dated."""
+    return readout * (v - 0.5 * (lens.height - 1)) / (lens.height - 1)
+
+
+def when_seen(t, flight, lens, led, readout):
+    """Middle of the exposure of the row that the LED's image falls on."""
+    delay = 0.0
+    for _ in range(4 if readout > 0 else 0):
+        p, _, R = (x[0] for x in flight.at(np.array([t + delay])))
+        uv, depth = lens.see((p + R @ led)[None])
+        if depth[0] < 0.05:
+            break
+        delay = row_delay(np.clip(uv[0, 1], 0, lens.height - 1), lens, readout)
+    return t + delay
+
+
+def led_spots(t, flight, lens, leds, gains, look, rig, exposure, readout):
     """Path, radius, light and LED of every image of an LED, mirrored ones too."""
     steps = np.linspace(-0.5, 0.5, 9) * exposure
     p, _, R = flight.at(t + steps)
@@ -498,6 +516,8 @@ def led_spots(t, flight, lens, leds, gains, look, rig, exposure):
     for i, led in enumerate(leds):
         if gains[i] <= 0:
             continue
+        if readout > 0:  # a mirrored image is taken to be seen with the LED itself
+            p, _, R = flight.at(when_seen(t, flight, lens, led, readout) + steps)
         world = p + R @ led
         for mirrored in (False, True):
             eye = lens.place.copy()
@@ -591,6 +611,7 @@ def main():
         stop(f"--yuv422: needs an even width, the rig's camera has {lens.width}")
     rate = float(rig["camera"].get("rate_hz", 60))
     exposure = 1e-3 * float(rig["camera"].get("exposure_ms", 2))
+    readout = 1e-3 * float(rig["camera"].get("readout_ms", 0))
     seconds = o.frames / rate
     flight, close = draw_flight(rng["path"], lens, leds, max(seconds, 10.0))
 
@@ -616,7 +637,7 @@ def main():
         room.shine(picture, lens, drive * t)
         if not o.blackout[0] <= t < o.blackout[1]:
             for i, path, radius, flux in led_spots(t, flight, lens, leds, gains, look, rig,
-                                                   exposure):
+                                                   exposure, readout):
                 add_spot(picture, look, path, radius, flux, colors[i])
         bgr = look.develop(picture, rng["noise"])
         image = Image.fromarray(np.ascontiguousarray(bgr[..., ::-1]))

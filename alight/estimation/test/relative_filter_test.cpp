@@ -70,6 +70,47 @@ TEST(RelativeFilter, RefusesTooFewLeds) {
   EXPECT_EQ(filter.error().fault, Fault::too_few_points);
 }
 
+// Shifted, it is what a prediction without noise says; shifted back, what it was.
+TEST(RelativeFilter, ShiftIsAPredictionWithoutNoiseThatCanBeUndone) {
+  RelativeFilterConfig quiet;
+  quiet.noise = {.rate = 1e-7,
+                 .acceleration = 1e-7,
+                 .disturbance = 0,
+                 .updraught = 0,
+                 .bias = 0,
+                 .thrust = 0,
+                 .turn = 0};
+  quiet.variance_per_frame = 0;
+  for (const bool turns : {false, true}) {
+    RelativeFilterConfig config = turns ? RelativeFilterConfig{} : quiet;
+    if (turns) config.noise.turn = 3;
+    Bench b(config);
+    b.run(1, 20);
+    const PredictionInput input = b.flight.input(20.5 / 60);
+    const Covariance9 P = b.filter.covariance();
+    const RelativeState x = b.filter.state();
+    RelativeFilter shifted = b.filter;
+    for (const Seconds dt : {0.008, -0.008}) {
+      shifted.shift(dt, input);
+      EXPECT_EQ(shifted.time(), b.filter.time());
+      expect_sound(shifted);
+      EXPECT_GT(boxminus(shifted.state(), x).norm(), 1e-3);
+      if (!turns && dt > 0) {
+        RelativeFilter later = b.filter;
+        ASSERT_TRUE(later.predict_to(later.time() + from_seconds(dt), input));
+        EXPECT_LT(boxminus(shifted.state(), later.state()).norm(), 1e-9);
+        EXPECT_LT((shifted.covariance() - later.covariance()).norm(), 1e-9 * P.norm());
+      }
+      shifted.shift(-dt, input);
+      EXPECT_LT(boxminus(shifted.state(), x).norm(), 1e-5);
+      EXPECT_LT((shifted.covariance() - P).norm(), 1e-4 * P.norm());
+    }
+    const RelativeState before = shifted.state();
+    shifted.shift(kNaN, input);
+    EXPECT_EQ(boxminus(shifted.state(), before).norm(), 0);
+  }
+}
+
 TEST(RelativeFilter, RefusesPicturesThatAreNotOfItsTime) {
   Bench b;
   b.run(1, 10);

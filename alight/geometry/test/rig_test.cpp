@@ -40,6 +40,9 @@ TEST(Rig, EveryKindOfNonsenseIsRefused) {
   rig.timing.exposure_ms = 20;  // longer than the frame period
   expect_refused(rig, "camera.exposure_ms");
   rig = alan_rig();
+  rig.timing.readout_ms = 17;  // rows would be read out when the next are due
+  expect_refused(rig, "camera.readout_ms");
+  rig = alan_rig();
   rig.camera.X_NC.translation().y() = nan;
   expect_refused(rig, "mount.xyz_m");
   rig = alan_rig();

@@ -10,6 +10,8 @@
 #include "alight/io/files.h"
 #include "alight/io/image_source.h"
 #include "alight/io/rig_yaml.h"
+#include "alight/run/frame_tracker.h"
+#include "alight/run/sequence_score.h"
 
 namespace alight {
 namespace {
@@ -183,6 +185,56 @@ TEST_P(SavedSequence, ReadsBackAsItWasInMemory) {
 INSTANTIATE_TEST_SUITE_P(Kinds, SavedSequence,
                          testing::Values(SequenceKind::clean, SequenceKind::hard),
                          [](const auto& kind) { return to_string(kind.param); });
+
+/// Delay of what is estimated against the picture's time, s, by least squares, and the
+/// mean NEES of the pose.
+std::pair<double, double> delay_and_nees(const Rig& flies, const Rig& told,
+                                         std::uint64_t seed) {
+  SequenceOptions options = few_frames(seed);
+  options.rig = flies;
+  options.frames = 150;
+  Sequence sequence = make(options);
+  auto tracker = FrameTracker::create({}, told).value();
+  double along = 0, square = 0, nees = 0;
+  int frames = 0;
+  for (int k = 0; k < options.frames; ++k) {
+    const ColorBuffer color = picture(sequence, k);
+    CameraFrame frame;
+    frame.captured = frame.received = sequence.time(k);
+    frame.color = color.view();
+    FrameReport report;
+    tracker.fuse(frame, report);
+    if (!report.tracked || k < 30) continue;
+    const RelativeState truth = sequence.truth(k);
+    along += (report.x.p_NB - truth.p_NB).dot(truth.v_NB);
+    square += truth.v_NB.squaredNorm();
+    nees += score_frame(report, truth, flies.camera.X_NC.translation()).nees_pose;
+    ++frames;
+  }
+  EXPECT_GT(frames, 110);
+  return {along / square, nees / frames};
+}
+
+// A rolling shutter that is not told of has the drone where it was, or will be, by up
+// to half the readout. Told of, it is where the picture's time says.
+TEST(Sequence, ARollingShutterIsNoDelay) {
+  Rig rolling = alan_rig();
+  rolling.timing.readout_ms = 16;
+  Rig global = rolling;
+  global.timing.readout_ms = 0;
+  double told_worst = 0, untold_worst = 0, nees = 0;
+  constexpr int kSeeds = 6;
+  for (std::uint64_t seed = 21; seed < 21 + kSeeds; ++seed) {
+    const auto told = delay_and_nees(rolling, rolling, seed);
+    const auto untold = delay_and_nees(rolling, global, seed);
+    told_worst = std::max(told_worst, std::abs(told.first));
+    untold_worst = std::max(untold_worst, std::abs(untold.first));
+    nees += told.second / kSeeds;
+  }
+  EXPECT_LT(told_worst, 0.6e-3);
+  EXPECT_GT(untold_worst, 1.5e-3);
+  EXPECT_LT(nees, 12);
+}
 
 TEST(Sequence, NamesWhatIsOutOfRange) {
   SequenceOptions options = few_frames(1);

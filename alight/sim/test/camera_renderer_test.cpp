@@ -8,6 +8,8 @@
 #include <vector>
 
 #include "alight/base/rng.h"
+#include "alight/geometry/row_delay.h"
+#include "alight/geometry/so3.h"
 
 namespace alight {
 namespace {
@@ -55,6 +57,12 @@ SceneAt facing(const Vector3& p_NB, const Matrix3& R_NB = Matrix3::Identity()) {
   return scene;
 }
 
+/// Pose at `t` s after the picture's time, of what moves and turns evenly.
+SceneAt moving(Seconds t) {
+  return facing(Vector3(-0.7, 0.05, 0.35) + t * Vector3(0.3, 1.5, -1.2),
+                so3_exp(Vector3(0.2, -0.1, 1.0) * t));
+}
+
 struct Moments {
   double light = 0;  // above the dark level
   Vector2 mean = Vector2::Zero();
@@ -97,6 +105,40 @@ Moments moments(const ColorBuffer& color, const ColorBuffer& dark, const Vector2
 /// A picture with the drone far out of sight.
 ColorBuffer unlit(CameraRenderer& renderer) {
   return picture(renderer, {facing({5, 0, 0.5})});
+}
+
+// Rows are exposed one after the other: an LED stands where it was when its row was.
+TEST(CameraRenderer, ARollingShutterSeesEachLedWhenItsRowIsExposed) {
+  Rig rig = wide_rig();
+  rig.timing.readout_ms = 16;
+  rig.timing.exposure_ms = 0.2;
+  CameraSimConfig config = clean();
+  config.hidden_by_body = false;
+  config.led_peak_at_1m = 1e6;
+  config.led_peak_max = 1500;
+  CameraRenderer renderer = make(config, rig);
+  std::vector<SceneAt> exposure, nothing;
+  for (int k = -3; k <= 3; ++k) {
+    exposure.push_back(moving(k / 6.0 * span_of(rig.timing)));
+  }
+  nothing.push_back(facing({5, 0, 0}));
+  const ColorBuffer color = picture(renderer, exposure);
+  const ColorBuffer dark = picture(renderer, nothing);
+  const int height = rig.camera.intrinsics.height;
+  double most = 0;
+  for (int i = 0; i < rig.leds.size(); ++i) {
+    Vector2 expected;
+    Seconds t = 0;
+    for (int round = 0; round < 20; ++round) {
+      expected = *project_led(rig.camera, moving(t).X_NB, rig.leds.p_BL(i));
+      t = row_delay(expected.y(), height, 0.016);
+    }
+    const Vector2 at_once = *project_led(rig.camera, moving(0).X_NB, rig.leds.p_BL(i));
+    most = std::max(most, (expected - at_once).norm());
+    EXPECT_LT((moments(color, dark, expected, 6).mean - expected).norm(), 0.05)
+        << "LED " << i;
+  }
+  EXPECT_GT(most, 2) << "else nothing is shown";
 }
 
 TEST(CameraRenderer, UnsaturatedImagesLieWhereTheLensPutsThem) {

@@ -101,7 +101,7 @@ TEST(LedView, TheMirrorImageIsThatOfTheLedBelowThePad) {
         at({rng.uniform(-0.4, 0.1), rng.uniform(-0.3, 0.3), rng.uniform(0.06, 0.2)},
            from_rpy(rng.uniform(-0.2, 0.2), rng.uniform(-0.2, 0.2), 0));
     std::vector<Spot> spots;
-    view.append_spots({&scene, 1}, spots);
+    view.append_spots(RowScenes({&scene, 1}, 0, 480), spots);
     for (int i = 0; i < rig.leds.size(); ++i) {
       const Vector3 p_NL = scene.X_NB * rig.leds.p_BL(i);
       if (p_NL.z() <= 0) continue;
@@ -136,7 +136,7 @@ TEST(LedView, TheMirrorImageIsThatOfTheLedBelowThePad) {
 
   const SceneAt landed = at({0, 0, 0.06});
   std::vector<Spot> matt;
-  LedView(plain(), rig, Rng(1)).append_spots({&landed, 1}, matt);
+  LedView(plain(), rig, Rng(1)).append_spots(RowScenes({&landed, 1}, 0, 480), matt);
   EXPECT_EQ(matt.size(), 6u);
 }
 
@@ -191,7 +191,8 @@ TEST(RoomLights, StayFixedInTheRoomWhenThePlatformTurns) {
     scene.X_IN = make_pose(from_rpy(0.02, -0.03, 0.26 * step),
                            Vector3(std::sin(0.3 * step), std::cos(0.2 * step), 0.26));
     std::vector<Spot> spots;
-    append_light_spots(lights, rig.camera, lens, 0.8, 1, {&scene, 1}, spots);
+    append_light_spots(lights, rig.camera, lens, 0.8, 1, RowScenes({&scene, 1}, 0, 480),
+                       spots);
     const Pose X_CI = (scene.X_IN * rig.camera.X_NC).inverse();
     std::size_t expected = 0;
     for (const RoomLight& light : lights) {

@@ -36,7 +36,7 @@ ColorBuffer paint(const Rig& rig, const CameraSimConfig& config,
                   std::span<const SceneAt> exposure) {
   ColorBuffer out = black(rig);
   TagPainter painter(config, rig, *tag_pattern(*rig.tag));
-  painter.paint(exposure, 1, Rng(1), out);
+  painter.paint(RowScenes(exposure, 0, rig.camera.intrinsics.height), 1, Rng(1), out);
   return out;
 }
 
