@@ -24,6 +24,9 @@ inline alight::Result<alight::Rig> load_landing_rig(const std::string& path,
   if (auto good = alight::check_view_of_pad({}, *rig); !good)
     return named(good.error());
   if (auto good = alight::check_places({}, *rig); !good) return named(good.error());
+  if (auto good = alight::check_pictures(rig->timing); !good) {
+    return named(good.error());
+  }
   const double tilt = alight::fitted_to({}, *rig).tilt_max_deg;
   if (tilt < std::min(kFewDegrees, rig->drone.tilt_max_deg)) {
     std::ostringstream text;

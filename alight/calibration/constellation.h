@@ -33,6 +33,7 @@ struct ConstellationFit {
   std::optional<ThrustAxis> thrust;       ///< if that has told,
   std::string no_thrust;                  ///< else why it has not.
   double size_sd = 0;                     ///< Relative.
+  LedFrameSpec whole() const { return {shift_sd_m, turn_sd_rad, size_sd}; }
   SizeFrom size_from = SizeFrom::prior;
   double depth_scale = 1;  ///< Measured depth over true.
   int frames = 0;          ///< Used,

@@ -76,7 +76,8 @@ bool FlightObserver::observe(const CameraFrame& frame, BlobSpan blobs,
     Matrix6 cov = Matrix6::Zero();
     cov.diagonal() << Vector3::Constant(kPlaceSd * kPlaceSd),
         Vector3::Constant(kTurnSd * kTurnSd);
-    out.seen = tracker_.track(blobs, out.X_NB, cov, frame.captured).seen;
+    const LedFrame seen = tracker_.track(blobs, out.X_NB, cov, frame.captured);
+    out.seen = estimator_.seen_at_once(seen).seen;
     if (fits(out)) return true;
   }
   // Single pictures that were put together as a flight cannot be tracked.

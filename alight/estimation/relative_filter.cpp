@@ -784,8 +784,24 @@ Covariance9 RelativeFilter::covariance() const {
     const auto B = led_bias_.topRows<9>();
     total.noalias() += led * led * B.lazyProduct(B.transpose());
   }
+  return total + led_frame_covariance() +
+         mount_covariance(state_.x.p_NB, state_.x.v_NB);
+}
 
-  return total + mount_covariance(state_.x.p_NB, state_.x.v_NB);
+Covariance9 RelativeFilter::led_frame_covariance() const {
+  // LEDs that are moved in B by s + (p - middle) turned by t are taken for a drone that
+  // is moved by s + middle x t and turned by t; larger ones for a drone that is nearer.
+  const LedFrameSpec& frame = config_.led_frame;
+  if (frame.exact()) return Covariance9::Zero();
+  const Matrix3& R = state_.x.R_NB;
+  Eigen::Matrix<double, 9, 7> by = Eigen::Matrix<double, 9, 7>::Zero();
+  by.block<3, 3>(0, 0) = R * frame.shift_sd_m.asDiagonal();
+  by.block<3, 3>(0, 3) = R * hat(leds_.middle_B()) * frame.turn_sd_rad.asDiagonal();
+  by.block<3, 3>(3, 3) = frame.turn_sd_rad.asDiagonal();
+  by.block<3, 1>(0, 6) =
+      frame.size_sd * (state_.x.X_NB() * leds_.middle_B() - camera_.X_NC.translation());
+  by.block<3, 1>(6, 6) = frame.size_sd * state_.x.v_NB;
+  return by * by.transpose();
 }
 
 Covariance9 RelativeFilter::mount_covariance(const Vector3& p_NB,

@@ -128,6 +128,8 @@ class RelativeFilter {
   /// Of state() against the truth: the filter's own and the share of the rig's constant
   /// errors (LEDs, mount, focal length), which stays however long one looks.
   Covariance9 covariance() const;
+  /// What of it the LEDs as a whole are (RelativeFilterConfig::led_frame).
+  Covariance9 led_frame_covariance() const;
   /// What of it the mount and the focal length are, for a drone at p_NB with v_NB. The
   /// share of the former grows with the distance from the lens.
   Covariance9 mount_covariance(const Vector3& p_NB, const Vector3& v_NB) const;

@@ -2,6 +2,7 @@
 #include "alight/base/result.h"
 #include "alight/estimation/motion_model.h"
 #include "alight/geometry/led_frame.h"
+#include "alight/geometry/rig.h"
 
 namespace alight {
 
@@ -49,6 +50,7 @@ struct RelativeFilterConfig {
   double mount_position_sd_m = 0.005;
   double mount_rotation_sd_rad = 0.019;  ///< 1 deg, and 3 px of the principal point.
   double focal_sd_share = 0.005;
+  LedFrameSpec led_frame;  ///< The LEDs as a whole.
 
   // Velocity by differences of position (paper); 0 switches it off.
   double velocity_variance = 0;  ///< (m/s)^2

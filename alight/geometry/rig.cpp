@@ -54,6 +54,11 @@ Result<void> Rig::validate() const {
                      "] stand in the same place");
     }
   }
+  for (int i = 0; i < 3; ++i) {
+    check.range("led_frame.xyz_sd_mm", 1e3 * led_frame.shift_sd_m[i], 0, 100);
+    check.range("led_frame.turn_sd_deg", led_frame.turn_sd_rad[i] / kDegree, 0, 90);
+  }
+  check.range("led_frame.size_sd_percent", 1e2 * led_frame.size_sd, 0, 50);
   check.range("drone.size_m", drone.size_m, 0.02, 5);
   check.range("drone.mass_kg", drone.mass_kg, 0.01, 100);
   for (int i = 0; i < 3; ++i) {

@@ -31,10 +31,23 @@ struct Constellation {
   }
 };
 
+/// How well a rig file knows where its LEDs are as a whole, one sd: what moves, turns
+/// or scales all of them alike, which no picture shows.
+struct LedFrameSpec {
+  Vector3 shift_sd_m = Vector3::Zero();   ///< Along the axes of B,
+  Vector3 turn_sd_rad = Vector3::Zero();  ///< about these, through the LEDs' middle.
+  double size_sd = 0;                     ///< Share of their distances.
+
+  bool exact() const {
+    return shift_sd_m.isZero(0) && turn_sd_rad.isZero(0) && size_sd == 0;
+  }
+};
+
 struct CameraTiming {
   double rate_hz = 60;
   double exposure_ms = 2;
-  double readout_ms = 0;        ///< Rolling shutter, first row to last; 0 is global.
+  double readout_ms = 0;        ///< Rolling shutter, first row to last; 0 is global. A
+                                ///< picture's time is that of its middle row.
   double frame_to_use_ms = 30;  ///< From mid-exposure until the picture can be used.
 };
 
@@ -88,6 +101,7 @@ struct Rig {
   /// interpolated to colours but neither compressed nor scaled.
   Mosaic mosaic = Mosaic::none;
   Constellation leds;
+  LedFrameSpec led_frame;
   DroneSpec drone;
   PadSpec pad;
   DynamicLimits limits;

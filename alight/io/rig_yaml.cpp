@@ -89,6 +89,15 @@ void read_drone(YamlMap map, DroneSpec& drone) {
   map.read("gear_height_m", drone.gear_height_m);
 }
 
+void read_led_frame(YamlMap map, LedFrameSpec& frame) {
+  Vector3 xyz_sd_mm = Vector3::Zero(), turn_sd_deg = Vector3::Zero();
+  double size_sd_percent = 0;
+  map.read("xyz_sd_mm", xyz_sd_mm);
+  map.read("turn_sd_deg", turn_sd_deg);
+  map.read("size_sd_percent", size_sd_percent);
+  frame = {1e-3 * xyz_sd_mm, turn_sd_deg * kDegree, 1e-2 * size_sd_percent};
+}
+
 void read_pad(YamlMap map, PadSpec& pad) {
   map.read("size_m", pad.size_m);
   map.read("above_floor_m", pad.above_floor_m);
@@ -168,6 +177,7 @@ Result<Rig> load_rig(const std::string& path) {
   }
   if (file.has("mount")) read_mount(file.map("mount"), rig.camera.X_NC);
   read_leds(file, rig.leds);
+  read_led_frame(file.map("led_frame"), rig.led_frame);
   read_drone(file.map("drone"), rig.drone);
   read_pad(file.map("pad"), rig.pad);
   YamlMap limits = file.map("limits");
@@ -236,6 +246,15 @@ std::string rig_text(const Rig& rig) {
       text += std::string(", color: ") + to_string(led.color);
     }
     text += "}\n";
+  }
+  const LedFrameSpec& whole = rig.led_frame;
+  if (!whole.exact()) {
+    text += "led_frame:  # how well the LEDs as a whole are known, one sd\n";
+    const auto rounded = [](double x) { return std::round(1e4 * x) / 1e4; };
+    list("xyz_sd_mm", list_text(Vector3((1e3 * whole.shift_sd_m).unaryExpr(rounded))));
+    list("turn_sd_deg",
+         list_text(Vector3((whole.turn_sd_rad / kDegree).unaryExpr(rounded))));
+    field("size_sd_percent", rounded(1e2 * whole.size_sd));
   }
   text += "drone:\n";
   field("size_m", rig.drone.size_m);

@@ -186,6 +186,7 @@ Result<LandingSystem> LandingSystem::create(const LandingConfig& config,
     return fail(good.error());
   }
   if (auto good = check_places(config.mission, rig); !good) return fail(good.error());
+  if (auto good = check_pictures(rig.timing); !good) return fail(good.error());
   auto estimator = RelativeEstimator::create(config.estimator, rig);
   if (!estimator) return fail(estimator.error());
   auto attitude =

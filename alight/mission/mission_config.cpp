@@ -154,4 +154,15 @@ Result<void> check_places(const MissionConfig& config, const Rig& rig) {
   return {};
 }
 
+Result<void> check_pictures(const CameraTiming& timing) {
+  const double oldest_ms = timing.frame_to_use_ms + 1000 / timing.rate_hz;
+  if (oldest_ms < 1000 * kFreshSight) return {};
+  std::ostringstream text;
+  text << "camera: the newest picture is up to " << std::lround(oldest_ms)
+       << " ms old (frame_to_use_ms, and the time until the next one by rate_hz); a "
+          "landing needs one of the last "
+       << std::lround(1000 * kFreshSight) << " ms";
+  return fail(Fault::invalid_config, text.str());
+}
+
 }  // namespace alight

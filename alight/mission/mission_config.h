@@ -110,8 +110,8 @@ struct MissionConfig {
   double blind_ramp_rate = 1.1;  ///< As ramp_rate, from the floor: unseen, and light on
                                  ///< its feet, it is blown away. Behind pads higher
                                  ///< than 0.3 m so much less as they are higher.
-  double blind_ramp_to = 1.35;  ///< As ramp_to: heavier it cannot be.
-  double battery_sure_s = 0.3;  ///< So long low in flight: no dip of the voltage.
+  double blind_ramp_to = 1.35;   ///< As ramp_to: heavier it cannot be.
+  double battery_sure_s = 0.3;   ///< So long low in flight: no dip of the voltage.
 
   Result<void> validate() const;
 };
@@ -126,5 +126,10 @@ MissionConfig places_for(MissionConfig config, const Rig& rig);
 /// every LED in the picture, leaning as far as planned.
 /// @returns invalid_config: that the camera sees no such place, and what to turn.
 Result<void> check_places(const MissionConfig& config, const Rig& rig);
+
+/// Whether pictures are new enough to fly by when they can be used: older than
+/// kFreshSight they are no sight, and a drone would never be let off the pad.
+/// @returns invalid_config: how old they are.
+Result<void> check_pictures(const CameraTiming& timing);
 
 }  // namespace alight

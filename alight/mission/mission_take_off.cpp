@@ -8,6 +8,9 @@
 namespace alight {
 namespace {
 
+constexpr const char* kUnseenOnPad =
+    "the LEDs are not seen on the pad, or not where the rig file has them";
+
 // Share of the nominal hover thrust with which a drone that is a tenth lighter than the
 // rig says comes down before the wind has it off the pad, and one that is as much
 // heavier not too hard; and how long it takes from 3 cm and 0.3 m/s upwards, s.
@@ -80,8 +83,8 @@ void Mission::idle(const MissionInput& in, Command& c, Output& out) {
     missing = "there is no platform odometry";
   } else if (!config_.start_on_floor &&
              (!in.estimate_valid || unseen(in) > kFreshSight)) {
-    missing = in.blindness == Blindness::leds ? "the LEDs are not seen on the pad"
-                                              : words_for(in.blindness).lost;
+    missing =
+        in.blindness == Blindness::leds ? kUnseenOnPad : words_for(in.blindness).lost;
   } else if (!config_.start_on_floor && !stood(in)) {
     missing = "the drone does not stand on the pad";
   }

@@ -104,6 +104,7 @@ RelativeEstimatorConfig RelativeEstimatorConfig::camera_only() {
   config.found_sd_m_s = 0.7;        // drones before a camera reach 1.8 m/s
   config.learn_led_errors = false;  // how far they are off, is to be learnt, too
   config.learn_leds = true;
+  config.tell_led_frame = true;
   // Three of them lie within the limits of a wrong pose, 0.15 m and 15 deg.
   config.told_sd_m = 0.05;
   config.told_sd_deg = 5;
@@ -157,7 +158,9 @@ Result<RelativeEstimator> RelativeEstimator::create(
   if (!tracker) return fail(tracker.error());
   auto resolver = LedResolver::create(config.resolver, rig.camera, rig.leds);
   if (!resolver) return fail(resolver.error());
-  auto filter = RelativeFilter::create(config.filter, rig.camera, rig.leds);
+  RelativeFilterConfig filtering = config.filter;
+  if (config.tell_led_frame) filtering.led_frame = rig.led_frame;
+  auto filter = RelativeFilter::create(filtering, rig.camera, rig.leds);
   if (!filter) return fail(filter.error());
   return RelativeEstimator(config, rig, std::move(*detector), std::move(*finder),
                            std::move(*tracker), std::move(*resolver),
@@ -683,6 +686,7 @@ void RelativeEstimator::shift_back(Time t, const MotionSource& motion) {
 
 LedFrame RelativeEstimator::seen_at_once(const LedFrame& leds) const {
   LedFrame out = leds;
+  if (readout_ <= 0) return out;
   const RelativeState& x = filter_.state();
   for (LedObservation& o : out.seen) {
     Matrix26 J;

@@ -62,6 +62,7 @@ struct RelativeEstimatorConfig {
   double found_sd_m_s = 1;       ///< A drone found anew, each direction.
   double reckoned_sd_m_s = 0.3;  ///< Of a velocity that the autopilot tells, each time:
                                  ///< its errors last for many of them.
+  bool tell_led_frame = false;   ///< The rig's `led_frame` counts in what is told.
   double told_sd_m = 0;          ///< A pose that is less well known (sd) in some
   double told_sd_deg = 0;        ///< direction, with what LEDs do to it that may be
                                  ///< off, is not told. 0: all are.
@@ -120,6 +121,10 @@ class RelativeEstimator {
   /// have carried it further already: one of up to 0.25 s before counts with what has
   /// accelerated the drone since, an older one changes nothing.
   void reckon(Time t, const Vector3& v_NB, const MotionSource& motion);
+
+  /// Images of the picture just fused, as a rolling shutter would have them that had
+  /// exposed all of the drone at once, with its middle; of a global one as they are.
+  LedFrame seen_at_once(const LedFrame& leds) const;
 
   bool initialized() const { return filter_.initialized(); }
   /// Capture time of the last picture that was tracked; only when initialized.
@@ -256,8 +261,6 @@ class RelativeEstimator {
   void shift_to_drone(Time t, const MotionSource& motion);
   /// And back to the picture's time.
   void shift_back(Time t, const MotionSource& motion);
-  /// Images as if all had been exposed with the middle of them.
-  LedFrame seen_at_once(const LedFrame& leds) const;
   void report_state(FrameReport& out) const;
   void remember_rest(const LedFrame& leds);
   /// What is never known well enough may be LEDs taken for others: all that they seemed

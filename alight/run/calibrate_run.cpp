@@ -186,6 +186,7 @@ Result<CalibrateFlightResult> calibrate_flight(const CalibrateFlightOptions& opt
       found = true;
       result.fit = *fit;
       result.rig.leds = fit->leds;
+      result.rig.led_frame = fit->whole();
       result.pictures = observer->pictures();
       result.seen = observer->seen();
     }

@@ -78,6 +78,31 @@ class Pictures(unittest.TestCase):
                         seen += 1
         self.assertGreater(seen, 10)
 
+    def test_a_rolling_shutter_sees_leds_when_their_rows_are_exposed(self):
+        along = square = 0.0
+        with tempfile.TemporaryDirectory() as name:
+            truth, rig = render(Path(name), "--seed", 1, "--lights", 0, "--frames", 90,
+                                "--rig", HERE / "rolling.yaml")
+            c = rig["camera"]
+            for k in range(1, 89, 4):
+                before, at_once, after = (images_of(rig, row) for row in truth[k - 1:k + 2])
+                picture = np.asarray(Image.open(Path(name) / f"{k:05d}.png"))
+                uv = at_once.copy()
+                for _ in range(5):  # between pictures images move evenly
+                    share = (1e-3 * c["readout_ms"] * c["rate_hz"] *
+                             (uv[:, 1] / (c["height"] - 1) - 0.5))[:, None]
+                    there = np.where(share > 0, after, before)
+                    uv = at_once + np.abs(share) * (there - at_once)
+                for i, at in enumerate(uv):
+                    if np.sort(np.linalg.norm(uv - at, axis=1))[1] < 9:
+                        continue
+                    centre, _ = light_at(picture, at)
+                    self.assertLess(np.linalg.norm(centre - at), 0.35)
+                    along += (centre - at_once[i]) @ (at - at_once[i])
+                    square += np.sum((at - at_once[i])**2)
+        self.assertGreater(square, 5)  # else they hardly moved
+        self.assertAlmostEqual(along / square, 1, delta=0.1)
+
     def test_dead_leds_and_a_blackout_are_dark(self):
         with tempfile.TemporaryDirectory() as name:
             truth, rig = render(Path(name), "--seed", 4, "--lights", 0,

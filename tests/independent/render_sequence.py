@@ -7,8 +7,7 @@ an error that one program makes twice.
 
 Leaves frames.csv and pictures (a SOURCE of `alight track`), truth.tum and truth.csv
 (t,x,y,z,qx,qy,qz,qw,vx,vy,vz of the drone in the pad's frame, at mid-exposure of the
-middle row), rig.yaml
-(as written down), rig_true.yaml (as it is) and sequence.json. Needs numpy, Pillow and
+middle row), rig.yaml (as written down), rig_true.yaml (as it is) and sequence.json. Needs numpy, Pillow and
 PyYAML (Debian: python3-numpy python3-pil python3-yaml).
 
 Frames: N has its origin at the centre of the pad, x forward, y left, z up; the camera

@@ -242,6 +242,10 @@ TEST_F(BadInput, RigsThatCannotBeLandedOn) {
                    {"turned.yaml: camera: ", "lower edge", "turn the camera down"});
     expect_refused(command + " --rig '" + pitched(25) + "'", 1,
                    {"turned.yaml: camera: ", "turn the camera up"});
+    expect_refused(command + " --rig '" +
+                       rig_with("frame_to_use_ms: 30", "frame_to_use_ms: 140") + "'",
+                   1,
+                   {"rig.yaml: camera: ", "157 ms old", "frame_to_use_ms", "150 ms"});
   }
   const Ran ran = run("land --rig '" + pitched(-24) + "'");
   EXPECT_EQ(ran.status, 0) << ran.err;

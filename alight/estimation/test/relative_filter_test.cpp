@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <utility>
 
@@ -68,6 +69,51 @@ TEST(RelativeFilter, RefusesTooFewLeds) {
   const auto filter = RelativeFilter::create({}, rig.camera, two);
   ASSERT_FALSE(filter.has_value());
   EXPECT_EQ(filter.error().fault, Fault::too_few_points);
+}
+
+// LEDs that are off as a whole are taken for a drone that is elsewhere: as far off as
+// the covariance has it, it shows the same picture.
+TEST(RelativeFilter, LedsThatAreOffAsAWholeMoveThePoseAsTold) {
+  constexpr double kOff[3] = {1e-4, 1e-3, 1e-3};  // m, rad, share
+  for (int which = 0; which < 7; ++which) {
+    LedFrameSpec frame;
+    const int kind = which / 3, axis = which % 3;
+    if (kind == 0) frame.shift_sd_m[axis] = kOff[0];
+    if (kind == 1) frame.turn_sd_rad[axis] = kOff[1];
+    if (kind == 2) frame.size_sd = kOff[2];
+    auto config = RelativeFilterConfig{}.with_perfect_rig();
+    const Bench exact(config);
+    config.led_frame = frame;
+    const Bench b(config);
+    const Covariance9 more = b.filter.covariance() - exact.filter.covariance();
+    EXPECT_EQ(b.filter.tracking_covariance(), exact.filter.tracking_covariance());
+    Eigen::Index k = 0;
+    const double most = more.diagonal().maxCoeff(&k);
+    ASSERT_GT(most, 0);
+    const Eigen::Matrix<double, 6, 1> sd = (more.col(k) / std::sqrt(most)).head<6>();
+
+    const Constellation& leds = b.rig.leds;
+    const Vector3 middle = leds.middle_B();
+    const Matrix3 turn = so3_exp(frame.turn_sd_rad);
+    const Pose X_NB = b.filter.state().X_NB();
+    double best = 1e9, unmoved = 0;
+    for (const double sign : {1.0, -1.0}) {
+      const Pose X_NB_taken = make_pose(X_NB.linear() * so3_exp(sign * sd.tail<3>()),
+                                        X_NB.translation() + sign * sd.head<3>());
+      double worst = 0;
+      for (int i = 0; i < leds.size(); ++i) {
+        const Vector3 p_BL = middle + frame.shift_sd_m +
+                             (1 + frame.size_sd) * (turn * (leds.p_BL(i) - middle));
+        const Vector2 seen = *project_led(b.rig.camera, X_NB, p_BL);
+        const Vector2 taken = *project_led(b.rig.camera, X_NB_taken, leds.p_BL(i));
+        worst = std::max(worst, (seen - taken).norm());
+        unmoved = std::max(
+            unmoved, (seen - *project_led(b.rig.camera, X_NB, leds.p_BL(i))).norm());
+      }
+      best = std::min(best, worst);
+    }
+    EXPECT_LT(best, 0.02 * unmoved) << which;
+  }
 }
 
 // Shifted, it is what a prediction without noise says; shifted back, what it was.

@@ -99,6 +99,10 @@ TEST_F(RigYamlFiles, AnyRigReadsBack) {
     rig.camera.X_NC = make_pose(so3_exp(turn), {rng.normal(), rng.normal(), 0.1});
     for (Led& led : rig.leds.leds) led.p_BL *= rng.uniform(0.5, 2);
     rig.mosaic = static_cast<Mosaic>(i % 5);
+    if (i % 3 > 0) {
+      rig.led_frame = {rng.uniform(0, 0.003) * Vector3(1, 2, 3),
+                       rng.uniform(0, 0.05) * Vector3(3, 1, 2), 0.01 * (i % 3 - 1)};
+    }
     rig.leds.leds[2].color = i % 2 ? LedColor::blue : LedColor::none;
     rig.camera.intrinsics.distortion = {rng.uniform(-0.15, 0.15), 0.1, 1e-7, -0.003, 0};
     rig.drone.mass_kg = rng.uniform(0.1, 3);

@@ -115,6 +115,10 @@ TEST_F(CalibrateRun, ARenderedFlightGivesTheLeds) {
     }
     EXPECT_LT(result->fit.rms_held_out_px, result->fit.rms_before_px / 3);
     EXPECT_EQ(result->rig.leds.color(0), LedColor::green);
+    EXPECT_EQ(result->rig.led_frame.shift_sd_m, result->fit.shift_sd_m);
+    EXPECT_EQ(result->rig.led_frame.turn_sd_rad, result->fit.turn_sd_rad);
+    EXPECT_EQ(result->rig.led_frame.size_sd, result->fit.size_sd);
+    EXPECT_FALSE(result->rig.led_frame.exact());
     const auto json = nlohmann::json::parse(calibration_json(options, *result));
     EXPECT_EQ(json["leds"].size(), 6u);
     EXPECT_EQ(json["size_from"], "distances");

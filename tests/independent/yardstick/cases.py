@@ -6,6 +6,7 @@ RIGS = ROOT / "tests/independent"
 ALAN = ROOT / "config/rigs/alan.yaml"
 INFRARED = RIGS / "infrared.yaml"
 MOSAIC = RIGS / "mosaic.yaml"
+ROLLING = RIGS / "rolling.yaml"
 EIGHT = RIGS / "eight_leds.yaml"
 
 PAIRS = [(i, j) for i in range(6) for j in range(i + 1, 6)]
@@ -48,6 +49,8 @@ def sequences(quick):
     add("infrared", ["--seed", 12], INFRARED)
     for seed in range(21, 22 if quick else 24):
         add(f"mosaic_{seed}", ["--seed", seed], MOSAIC, group="mosaic")
+    for seed in range(31, 32 if quick else 34):
+        add(f"rolling_{seed}", ["--seed", seed], ROLLING, group="rolling")
     add("strays_100", ["--seed", 13, "--frames", 300, "--stray", 100], group="100 strays")
     dead = [("one dead", ALAN, (2,)), ("two dead", ALAN, (0, 4)),
             ("three of eight dead", EIGHT, (1, 4, 6))]
