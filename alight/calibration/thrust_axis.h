@@ -14,7 +14,7 @@ struct ThrustAxisConfig {
   double follows_min = 0.8;  ///< Least share of the acceleration to the sides that the
                              ///< attitude must account for,
   double moves_min_m_s2 = 0.1;  ///< which must be at least this (rms).
-  double push_sd_m_s2 = 0.3;     ///< Steady wind, and the camera's own tilt.
+  double push_sd_m_s2 = 0.3;    ///< Steady wind, and the camera's own tilt.
   double drag_sd_per_s = 0.3;
   double sd_min_deg = 0.5;  ///< Rotors are not mounted better than this.
 };
