@@ -665,7 +665,7 @@ FixedVector<Vector2, kMaxLeds> RelativeEstimator::image_motion(const Pose& X_NB)
 Seconds RelativeEstimator::delay_of(const Pose& X_NB) const {
   const int height = camera_.intrinsics.height;
   const LedImages images = led_images(camera_, leds_, X_NB);
-  if (readout_ <= 0 || images.count == 0) return 0;
+  if (images.count == 0) return 0;
   return row_delay(std::clamp(images.middle.y(), 0.0, height - 1.0), height, readout_);
 }
 

@@ -77,9 +77,9 @@ class CalibrateRun : public testing::Test {
     list << "t,file\n";
     ColorBuffer color;
     for (int i = 0; i < frames; ++i) {
-      SceneAt scenes[2];
-      for (int k = 0; k < 2; ++k) {
-        scenes[k].X_NB = pose(i / 30.0 + (k - 0.5) * 0.002);
+      SceneAt scenes[7];
+      for (int k = 0; k < 7; ++k) {
+        scenes[k].X_NB = pose(i / 30.0 + (k / 6.0 - 0.5) * span_of(truth.timing));
       }
       ASSERT_TRUE(renderer->render(static_cast<std::uint64_t>(i), scenes, color));
       const std::string name = std::to_string(i) + ".png";
@@ -123,6 +123,43 @@ TEST_F(CalibrateRun, ARenderedFlightGivesTheLeds) {
     EXPECT_EQ(json["leds"].size(), 6u);
     EXPECT_EQ(json["size_from"], "distances");
   }
+}
+
+// Rows are exposed one after the other: what moves is seen bent, which is not its
+// shape.
+TEST_F(CalibrateRun, AFlightBeforeARollingShutterGivesTheLeds) {
+  Rig truth = alan_rig();
+  truth.timing.rate_hz = 30;
+  truth.timing.readout_ms = 30;
+  CalibrateFlightOptions options;
+  options.rig = truth;
+  Rng rng(4);
+  for (Led& led : truth.leds.leds) {
+    for (int k = 0; k < 3; ++k) led.p_BL[k] += rng.uniform(-0.003, 0.003);
+  }
+  render(truth, 100, pose_at, 4);
+  options.source = folder.string();
+  const double known = (truth.leds.p_BL(0) - truth.leds.p_BL(5)).norm();
+  options.config.adjustment.distances = {{0, 5, known, 0.0001}};
+  // The same with a rig file that does not say so.
+  Rig global = options.rig;
+  global.timing.readout_ms = 0;
+  double worst[2] = {};
+  for (int k = 0; k < 2; ++k) {
+    if (k == 1) options.rig = global;
+    const auto result = calibrate_flight(options);
+    ASSERT_TRUE(result) << result.error().detail;
+    for (int i = 0; i < 6; ++i) {
+      for (int j = 0; j < i; ++j) {
+        worst[k] = std::max(
+            worst[k],
+            std::abs((result->fit.leds.p_BL(i) - result->fit.leds.p_BL(j)).norm() -
+                     (truth.leds.p_BL(i) - truth.leds.p_BL(j)).norm()));
+      }
+    }
+  }
+  EXPECT_LT(worst[0], 3e-4);
+  EXPECT_GT(worst[1], 2 * worst[0]);
 }
 
 TEST_F(CalibrateRun, AParkedDroneGivesTheMount) {
