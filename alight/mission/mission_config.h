@@ -123,8 +123,10 @@ struct MissionConfig {
 MissionConfig places_for(MissionConfig config, const Rig& rig);
 
 /// Whether those of `places_for` are above the height that a landing begins at, with
-/// every LED in the picture, leaning as far as planned.
-/// @returns invalid_config: that the camera sees no such place, and what to turn.
+/// every LED in the picture, leaning as far as planned; and, of `start_on_floor`,
+/// whether the floor is near enough below the pad.
+/// @returns invalid_config: that the camera sees no such place, and what to turn, or
+///          how high the pad is.
 Result<void> check_places(const MissionConfig& config, const Rig& rig);
 
 /// Whether pictures are new enough to fly by when they can be used: older than

@@ -62,6 +62,22 @@ TEST(Places, AreAboveThePadAndInViewHoweverHighTheCamera) {
   EXPECT_GT(refused, 0);
 }
 
+TEST(Places, BehindAHighPadNoneStartsFromTheFloor) {
+  Rig rig = alan_rig();
+  MissionConfig config;
+  for (const bool floor : {false, true}) {
+    config.start_on_floor = floor;
+    rig.pad.above_floor_m = 0.6;
+    EXPECT_TRUE(check_places(config, rig));
+    rig.pad.above_floor_m = 0.61;
+    const auto good = check_places(config, rig);
+    ASSERT_EQ(good.has_value(), !floor);
+    if (floor) {
+      EXPECT_NE(good.error().detail.find("start it from the pad"), std::string::npos);
+    }
+  }
+}
+
 TEST(Places, ACameraThatSeesNoneIsToldWhatToTurn) {
   const auto good = check_places({}, mast_rig(0.5, 50));
   ASSERT_FALSE(good);
