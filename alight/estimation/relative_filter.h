@@ -128,8 +128,6 @@ class RelativeFilter {
   /// Of state() against the truth: the filter's own and the share of the rig's constant
   /// errors (LEDs, mount, focal length), which stays however long one looks.
   Covariance9 covariance() const;
-  /// What of it the LEDs as a whole are (RelativeFilterConfig::led_frame).
-  Covariance9 led_frame_covariance() const;
   /// What of it the mount and the focal length are, for a drone at p_NB with v_NB. The
   /// share of the former grows with the distance from the lens.
   Covariance9 mount_covariance(const Vector3& p_NB, const Vector3& v_NB) const;
@@ -191,6 +189,8 @@ class RelativeFilter {
   void learn_velocity();
   void watch_residuals();
   double led_sd_m() const;
+  /// What of covariance() the LEDs as a whole are (RelativeFilterConfig::led_frame).
+  Covariance9 led_frame_covariance() const;
   void watch_fit(const LedFrame& seen);
   LedBias response_to_leds(const LedFrame& seen) const;
   /// Variance of the innovation by what is left of the LEDs' errors, px^2.

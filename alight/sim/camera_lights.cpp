@@ -69,18 +69,15 @@ void append_light_spots(std::span<const RoomLight> lights, const Camera& camera,
                         const RowScenes& scenes, std::vector<Spot>& out) {
   const Pose X_CN = camera.X_NC.inverse();
   const Intrinsics& picture = lens.intrinsics();
-  const auto row_of = [&](const RoomLight& light,
-                          const SceneAt& scene) -> std::optional<double> {
-    const auto uv = lens.image(X_CN * scene.X_IN.inverse() * light.p_IA);
-    return uv ? std::optional(uv->y()) : std::nullopt;
-  };
   RowScenes::Instants room;
   Pose X_CI, X_CI_begin, X_CI_end;
   bool known = false;
   for (const RoomLight& light : lights) {
     if (!known || scenes.rolling()) {
-      const std::span<const SceneAt> exposure = scenes.where_seen(
-          [&](const SceneAt& scene) { return row_of(light, scene); }, room);
+      const auto image = [&](const SceneAt& scene) {
+        return lens.image(X_CN * scene.X_IN.inverse() * light.p_IA);
+      };
+      const std::span<const SceneAt> exposure = scenes.where_seen(image, room);
       X_CI = X_CN * exposure[exposure.size() / 2].X_IN.inverse();
       X_CI_begin = X_CN * exposure.front().X_IN.inverse();
       X_CI_end = X_CN * exposure.back().X_IN.inverse();

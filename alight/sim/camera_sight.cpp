@@ -158,19 +158,18 @@ void LedView::append_spots(const RowScenes& scenes, std::vector<Spot>& out,
 
 void LedView::append_direct(int i, const RowScenes& scenes,
                             std::vector<Spot>& out) const {
-  const auto row_of = [&](const SceneAt& scene) -> std::optional<double> {
-    const auto uv = lens_.image(X_CN_ * (scene.X_NB * rig_.leds.p_BL(i)));
-    return uv ? std::optional(uv->y()) : std::nullopt;
+  const auto image = [&](const SceneAt& scene) {
+    return lens_.image(X_CN_ * (scene.X_NB * rig_.leds.p_BL(i)));
   };
   RowScenes::Instants room;
-  const std::span<const SceneAt> exposure = scenes.where_seen(row_of, room);
+  const std::span<const SceneAt> exposure = scenes.where_seen(image, room);
   const Pose& X_NB = exposure[exposure.size() / 2].X_NB;
   const Vector3 p_NC = rig_.camera.X_NC.translation();
   if (!in_sight(i, X_NB)) return;
   const Vector3 p_CL = X_CN_ * (X_NB * rig_.leds.p_BL(i));
   Spot spot = spot_of(i, light_towards(i, X_NB, p_NC), p_CL.norm(), p_CL.z(), 0);
   for (const SceneAt& scene : exposure) {
-    const auto uv = lens_.image(X_CN_ * (scene.X_NB * rig_.leds.p_BL(i)));
+    const auto uv = image(scene);
     if (!uv) return;
     spot.path.push_back(*uv);
   }
@@ -180,13 +179,12 @@ void LedView::append_direct(int i, const RowScenes& scenes,
 void LedView::append_mirrored(int i, const RowScenes& scenes,
                               std::vector<Spot>& out) const {
   const Vector3 mirror(1, 1, -1);
-  const auto row_of = [&](const SceneAt& scene) -> std::optional<double> {
+  const auto image = [&](const SceneAt& scene) {
     const Vector3 p_NL_k = scene.X_NB * rig_.leds.p_BL(i);
-    const auto uv = lens_.image(X_CN_ * p_NL_k.cwiseProduct(mirror));
-    return uv ? std::optional(uv->y()) : std::nullopt;
+    return lens_.image(X_CN_ * p_NL_k.cwiseProduct(mirror));
   };
   RowScenes::Instants room;
-  const std::span<const SceneAt> exposure = scenes.where_seen(row_of, room);
+  const std::span<const SceneAt> exposure = scenes.where_seen(image, room);
   const Pose& X_NB = exposure[exposure.size() / 2].X_NB;
   const Vector3 p_NC = rig_.camera.X_NC.translation();
   const Vector3 p_NL = X_NB * rig_.leds.p_BL(i);
@@ -206,8 +204,7 @@ void LedView::append_mirrored(int i, const RowScenes& scenes,
   Spot spot = spot_of(i, reflected * light_towards(i, X_NB, p_NH), p_CM.norm(),
                       p_CM.z(), 2 * kRoughnessRad * (1 - share));
   for (const SceneAt& scene : exposure) {
-    const Vector3 p_NL_k = scene.X_NB * rig_.leds.p_BL(i);
-    const auto uv = lens_.image(X_CN_ * p_NL_k.cwiseProduct(mirror));
+    const auto uv = image(scene);
     if (!uv) return;
     spot.path.push_back(*uv);
   }

@@ -41,16 +41,16 @@ class RowScenes {
   /// While row `v` is exposed: begin, middle and end; all instants for a global
   /// shutter. `room` is where they are kept.
   std::span<const SceneAt> of_row(double v, Instants& room) const;
-  /// While the row is exposed in which something is seen: `row_of(scene)` says where,
-  /// if anywhere; then with the picture.
-  template <class RowOf>
-  std::span<const SceneAt> where_seen(RowOf&& row_of, Instants& room) const {
+  /// While the row is exposed in which something is seen: `image(scene)` says where, if
+  /// anywhere (optional, px).
+  template <class Image>
+  std::span<const SceneAt> where_seen(Image&& image, Instants& room) const {
     if (!rolling()) return instants_;
     std::span<const SceneAt> seen = of_row(0.5 * (height_ - 1), room);
     for (int k = 0; k < kRounds; ++k) {
-      const auto v = row_of(seen[seen.size() / 2]);
-      if (!v) break;
-      seen = of_row(*v, room);
+      const auto uv = image(seen[seen.size() / 2]);
+      if (!uv) break;
+      seen = of_row(uv->y(), room);
     }
     return seen;
   }

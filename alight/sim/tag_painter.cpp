@@ -173,13 +173,12 @@ void TagPainter::spread(const Box& box, std::vector<float>& image) {
 
 void TagPainter::paint(const RowScenes& scenes, double brightness, Rng rng,
                        ColorBuffer& out) {
-  const auto row_of = [&](const SceneAt& scene) -> std::optional<double> {
+  const auto image = [&](const SceneAt& scene) {
     const Pose X_CT = X_CN_ * scene.X_NB * rig_.tag->X_BT;
-    const auto uv = rig_.camera.intrinsics.project(X_CT.translation());
-    return uv ? std::optional(uv->y()) : std::nullopt;
+    return rig_.camera.intrinsics.project(X_CT.translation());
   };
   RowScenes::Instants room;
-  const std::span<const SceneAt> exposure = scenes.where_seen(row_of, room);
+  const std::span<const SceneAt> exposure = scenes.where_seen(image, room);
   if (!in_sight(exposure[exposure.size() / 2].X_NB)) return;
   Box box{out.width, out.height, 0, 0};
   double path_px = 0;

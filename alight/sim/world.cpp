@@ -12,6 +12,7 @@
 #include "alight/sim/radio.h"
 #include "alight/sim/rotors.h"
 #include "alight/sim/scene.h"
+#include "alight/sim/scene_at.h"
 #include "alight/sim/wind.h"
 
 namespace alight {
@@ -401,18 +402,13 @@ TruthState World::truth_at(Time t) const {
   const auto blend = [u](const Vector3& x, const Vector3& y) -> Vector3 {
     return x + u * (y - x);
   };
-  const auto between = [&](const Pose& X, const Pose& Y) {
-    const Vector3 turn = so3_log(X.linear().transpose() * Y.linear());
-    return make_pose(X.linear() * so3_exp(u * turn),
-                     blend(X.translation(), Y.translation()));
-  };
   TruthState mid = a;
   mid.t = t;
   mid.platform.t = t;
-  mid.platform.X_IN = between(a.platform.X_IN, b.platform.X_IN);
+  mid.platform.X_IN = between(a.platform.X_IN, b.platform.X_IN, u);
   mid.platform.v_IN_N = blend(a.platform.v_IN_N, b.platform.v_IN_N);
   mid.platform.w_IN_N = blend(a.platform.w_IN_N, b.platform.w_IN_N);
-  mid.X_IB = between(a.X_IB, b.X_IB);
+  mid.X_IB = between(a.X_IB, b.X_IB, u);
   mid.X_NB = mid.platform.X_IN.inverse() * mid.X_IB;
   mid.v_IB = blend(a.v_IB, b.v_IB);
   mid.v_NB = blend(a.v_NB, b.v_NB);

@@ -611,6 +611,8 @@ def main():
     rate = float(rig["camera"].get("rate_hz", 60))
     exposure = 1e-3 * float(rig["camera"].get("exposure_ms", 2))
     readout = 1e-3 * float(rig["camera"].get("readout_ms", 0))
+    if not 0 <= readout <= 1 / rate:
+        stop(f"{o.rig}: camera.readout_ms is {1e3 * readout:g}, must lie in [0, {1e3 / rate:g}]")
     seconds = o.frames / rate
     flight, close = draw_flight(rng["path"], lens, leds, max(seconds, 10.0))
 

@@ -63,14 +63,14 @@ TEST(RowScenes, WhatMovesAcrossRowsIsSeenWhereItsRowMeetsIt) {
   const std::vector<SceneAt> all = instants(span_of(t), 7);
   const RowScenes scenes(all, 16.0 / 18, 480);
   // Down the picture by 3000 px/s, a tenth of the readout's pace, from row 100.
-  const auto row_of = [](const SceneAt& s) {
-    return std::optional(100 + 3000 * when(s));
+  const auto image = [](const SceneAt& s) {
+    return std::optional(Vector2(0, 100 + 3000 * when(s)));
   };
   RowScenes::Instants room;
-  const auto seen = scenes.where_seen(row_of, room);
+  const auto seen = scenes.where_seen(image, room);
   const double at = when(seen[1]);
   EXPECT_NEAR(at, 0.016 * ((100 + 3000 * at) / 479 - 0.5), 2e-6);
-  const auto nowhere = [](const SceneAt&) -> std::optional<double> { return {}; };
+  const auto nowhere = [](const SceneAt&) -> std::optional<Vector2> { return {}; };
   EXPECT_NEAR(when(scenes.where_seen(nowhere, room)[1]), 0, 1e-12);
 }
 
