@@ -47,6 +47,9 @@ struct AutopilotTelemetry {
   Vector3 w_IB_B = Vector3::Zero();    ///< rad/s, its gyros
   /// m/s, its belief, in the same I as q_IB; NaN while it has none.
   Vector3 v_IB = Vector3::Constant(std::numeric_limits<double>::quiet_NaN());
+  /// dz/dt, m/s, its belief by barometer and accelerometers, which needs no pose; NaN:
+  /// not told.
+  double climb = std::numeric_limits<double>::quiet_NaN();
   bool armed = false;
   AutopilotMode mode = AutopilotMode::manual;
   double battery = 1;  ///< Remaining share, 0 to 1.

@@ -69,7 +69,8 @@ bool sane(const PlatformImu& i) {
 bool sane(const AutopilotTelemetry& t) {
   return t.q_IB.coeffs().allFinite() && std::abs(t.q_IB.norm() - 1) < 1e-3 &&
          within(t.w_IB_B, kFastestTurn) && std::isfinite(t.battery) &&
-         (within(t.v_IB, kFastest) || t.v_IB.array().isNaN().all());
+         (within(t.v_IB, kFastest) || t.v_IB.array().isNaN().all()) &&
+         (std::abs(t.climb) < kFastest || std::isnan(t.climb));
 }
 
 }  // namespace
@@ -331,7 +332,7 @@ void LandingSystem::Parts::watch_floor(const AutopilotTelemetry& t) {
     floor.seen(x_seen.p_NB.z() + rig.pad.above_floor_m - rig.drone.gear_height_m);
   }
   const Matrix3 R_IB = t.q_IB.toRotationMatrix();
-  floor.told(t.captured, t.v_IB.z(), std::acos(std::clamp(R_IB(2, 2), -1.0, 1.0)));
+  floor.told(t.captured, t.climb, std::acos(std::clamp(R_IB(2, 2), -1.0, 1.0)));
 }
 
 void LandingSystem::Parts::reckon(Time now) {
@@ -613,6 +614,8 @@ void LandingSystem::step(const Input& input, Output& out, Probe* probe) {
   in.armed = p.telemetry.armed;
   in.mode = p.telemetry.mode;
   in.battery = p.telemetry.battery;
+  in.told = p.telemetry.captured;
+  in.climb = p.telemetry.climb;
   in.stands_on_floor = p.floor.stands();
   in.link = &p.link;
   in.platform_ready = p.platform.ready() && !p.platform.stale(input.now);
@@ -625,6 +628,7 @@ void LandingSystem::step(const Input& input, Output& out, Probe* probe) {
   if (p.config.delay_compensation) {
     in.acts_in = to_seconds(p.link.delay()) + 1e-3 * p.config.response.delay_ms;
   }
+  in.thrust_acts_in = acts;
   in.z_acted = state.x.p_NB.z() + acts * state.x.v_NB.z();
   in.seen = p.estimator.last_sight();
   in.motion_known = std::max(in.seen, p.reckoned);

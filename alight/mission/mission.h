@@ -1,4 +1,5 @@
 #pragma once
+#include "alight/mission/blind_climb.h"
 #include "alight/mission/into_view.h"
 #include "alight/mission/maneuver.h"
 #include "alight/mission/miss.h"
@@ -108,6 +109,10 @@ class Mission {
   /// The share of its speed at which the pad keeps beneath a drone that brakes.
   double stays_beneath(const MissionInput& in) const;
   double ramp_rate(const MissionInput& in) const;  // 1/s
+  /// Of the nominal hover thrust, before it is known to fly.
+  double ramp_share(const MissionInput& in);
+  bool left_floor(const MissionInput& in) const;
+  Seconds blind_for_at_most() const;
   bool stood(const MissionInput& in);
   bool lifts_off(const MissionInput& in) const;
   bool still_stands(const MissionInput& in) const;
@@ -220,6 +225,7 @@ class Mission {
   // Sight or the link was lost before the drone was known to fly.
   bool coming_down_ = false, for_the_link_ = false;
   Time coming_down_since_ = 0;
+  BlindClimb blind_climb_;
   double ramp_most_ = 0;            // that this start has asked for
   bool left_ = false;               // aborted: the autopilot has been told to land
   bool floor_told_ = false;         // that it stands there

@@ -105,11 +105,11 @@ struct MissionConfig {
   double slip_m_s = 0.015;   ///< so fast,
   double slip_tilt_deg = 3;  ///< or tilted: feedback can wait no longer.
   double failsafe_s = 1;     ///< The autopilot's failsafe is given this to end.
-  double blind_max_s = 1.8;  ///< From the floor: sight must come by then; behind pads
-                             ///< higher than 0.3 m later by what thrust takes longer.
+  double blind_max_s = 1.3;  ///< From the floor: sight must come by then, and by what a
+                             ///< climb to the follow point's height takes.
+  double blind_climb_m_s = 0.9;  ///< Unseen it climbs so fast, by what it tells.
   double blind_ramp_rate = 1.1;  ///< As ramp_rate, from the floor: unseen, and light on
-                                 ///< its feet, it is blown away. Behind pads higher
-                                 ///< than 0.3 m so much less as they are higher.
+                                 ///< its feet, it is blown away.
   double blind_ramp_to = 1.35;   ///< As ramp_to: heavier it cannot be.
   double battery_sure_s = 0.3;   ///< So long low in flight: no dip of the voltage.
 

@@ -1,4 +1,6 @@
 #pragma once
+#include <limits>
+
 #include "alight/geometry/platform_state.h"
 #include "alight/geometry/relative_state.h"
 #include "alight/mission/landing_io.h"
@@ -21,6 +23,10 @@ struct MissionInput {
   bool armed = false;
   AutopilotMode mode = AutopilotMode::manual;
   double battery = 1;
+  Time told = 0;  ///< When the newest telemetry was captured,
+  double climb =
+      std::numeric_limits<double>::quiet_NaN();  ///< and what it told of dz/dt, m/s;
+                                                 ///< NaN: nothing.
   bool stands_on_floor = false;  ///< Landed beside the platform, its motors running.
 
   const LinkMonitor* link = nullptr;
@@ -32,6 +38,7 @@ struct MissionInput {
   Time seen = 0;                ///< When that was captured.
   Time motion_known = 0;        ///< Until then pictures or the autopilot tell it.
   Seconds acts_in = 0;          ///< From now to when an attitude sent now acts.
+  Seconds thrust_acts_in = 0;   ///< Likewise of thrust.
   double z_acted = 0;           ///< Height in N when thrust that is sent now acts, m.
   double miss_sd_m = 0;         ///< As `miss_sd`, of x taken to the pad.
   Blindness blindness = Blindness::leds;  ///< Why nothing newer is seen.

@@ -37,10 +37,9 @@ constexpr double kNearGround = 0.3, kKeepsUp = 0.9;
 constexpr double kMovesIt = 1.25;
 constexpr double kStandNoise = 0.001;  // m; a rise that standing drones show
 constexpr double kStands = 0.002;      // m; higher it may have left the ground
+constexpr double kOffTheFloor = 0.15;  // m; what a mount that is off feigns is less.
 constexpr double kMaySlide = 0.75;     // With less of the hover thrust wind moves none.
 constexpr Seconds kRampActsIn = 0.1;  // Later, the take-off's thrust grows more slowly.
-constexpr double kLowPad =
-    0.3;  // m; behind a higher one the climb is unseen for longer.
 // A drone that stands: so near to its feet's height, m, so level, as slow as this, m/s,
 // for so long. Before its first start a rig that is not as written down feigns more,
 // and any speed as LEDs flicker.
@@ -128,6 +127,9 @@ void Mission::armed(const MissionInput& in, Command& c, Output& out) {
     ++starts_;
     coming_down_ = false;
     ramp_most_ = config_.ramp_from;
+    blind_climb_.begin({config_.ramp_from, config_.blind_ramp_rate,
+                        config_.blind_ramp_to, config_.blind_climb_m_s},
+                       in.now);
     go(MissionState::taken_off, "armed: taking off", in, out);
   } else if (in_state(in) > config_.arm_timeout_s) {
     stop_motors(in, c);
@@ -172,22 +174,16 @@ void Mission::taken_off(const MissionInput& in, Command& c, Output& out) {
     go(MissionState::refused, "the pilot took over before the take-off", in, out);
     return;
   }
-  const double rate = ramp_rate(in);
-  const double share = config_.ramp_from + rate * in_state(in);
+  const double share = ramp_share(in);
   if (obeyed_ &&
       (in.mode == AutopilotMode::failsafe || in.mode == AutopilotMode::land)) {
     taken_over_on_ramp(share, in, c, out);
     return;
   }
   c.mode = Command::Mode::ramp;
-  const double most = config_.start_on_floor ? config_.blind_ramp_to : config_.ramp_to;
-  c.ramp_share = std::min(share, most);
-  Seconds limit = config_.ramp_timeout_s;
-  if (config_.start_on_floor) {
-    // What thrust takes longer to grow, sight may take longer to come.
-    limit = config_.blind_max_s + (config_.blind_ramp_to - config_.ramp_from) *
-                                      (1 / rate - 1 / config_.blind_ramp_rate);
-  }
+  c.ramp_share = std::min(share, config_.ramp_to);
+  const Seconds limit =
+      config_.start_on_floor ? blind_for_at_most() : config_.ramp_timeout_s;
   // Unseen, it would climb and climb. It may be off the ground by a few centimetres:
   // with less thrust than carries it, it comes down softly.
   const bool stale =
@@ -238,8 +234,8 @@ void Mission::taken_off(const MissionInput& in, Command& c, Output& out) {
                       horizontal(in.x_seen.v_NB) > config_.slip_m_s;
   const bool slipped = slides || horizontal(way) > config_.slip_m ||
                        tipped > config_.slip_tilt_deg * kDegree;
-  const bool lifted =
-      fresh && !coming_down_ && (config_.start_on_floor || rose || slipped);
+  const bool flies = config_.start_on_floor ? left_floor(in) : rose || slipped;
+  const bool lifted = fresh && !coming_down_ && flies;
   if (!lifted) return;
   lift(rose, std::max(rise - kStandNoise, 0.0), in, c, out);
 }
@@ -301,14 +297,28 @@ void Mission::lift(bool carried, double flown, const MissionInput& in, Command& 
   maneuver_ = Maneuver::move(PointToPoint(in.now, from, up, 0, limits));
 }
 
+double Mission::ramp_share(const MissionInput& in) {
+  if (!config_.start_on_floor) {
+    return config_.ramp_from + ramp_rate(in) * in_state(in);
+  }
+  blind_climb_.told(in.told, in.climb);
+  return blind_climb_.share(in.now, in.thrust_acts_in);
+}
+
+// Where the camera sees the floor the drone is in sight before it flies.
+bool Mission::left_floor(const MissionInput& in) const {
+  const double height = in.x_seen.p_NB.z() + above_floor_ - gear_height_;
+  return blind_climb_.lifted() || height > kOffTheFloor;
+}
+
+Seconds Mission::blind_for_at_most() const {
+  const double height = above_floor_ + std::max(0.0, config_.follow_point.z());
+  return config_.blind_max_s + height / config_.blind_climb_m_s;
+}
+
 // Until lift-off is known and answered thrust goes on growing: over a late link it
 // would throw the drone up, off to where the wind drives it, faster than it is seen.
 double Mission::ramp_rate(const MissionInput& in) const {
-  // Behind a high pad it would come into sight faster than it can be stopped.
-  if (config_.start_on_floor) {
-    return config_.blind_ramp_rate *
-           std::min(1.0, kLowPad / std::max(above_floor_, 0.1));
-  }
   return config_.ramp_rate * std::min(1.0, kRampActsIn / std::max(in.acts_in, 1e-3));
 }
 

@@ -252,6 +252,7 @@ AutopilotTelemetry Autopilot::telemetry(Time now) {
   const double z = rng_.normal(0, kGyroNoise);
   out.w_IB_B = sensed_.w_F + Vector3(x, y, z);
   if (belief_.velocity_valid(now)) out.v_IB = belief_.v_I();
+  out.climb = belief_.v_I().z();
   out.armed = armed_;
   out.mode = mode_;
   out.battery = sensed_.battery;

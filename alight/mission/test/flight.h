@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 #include <string>
 #include <utility>
 #include <vector>
@@ -46,6 +47,7 @@ class Flight {
   double deck_swing = 0, deck_lean = 0;  ///< m/s^2; rad, at the touch
   Vector3 push_N = Vector3::Zero();      ///< m/s^2, of the wind
   bool stands_on_floor = false;          ///< By what it tells.
+  double climb = std::numeric_limits<double>::quiet_NaN();  ///< m/s, likewise.
   AutopilotMode mode = AutopilotMode::offboard;
   Vector3 off = Vector3::Zero();           ///< From the reference, where it flies.
   Vector3 off_m_s = Vector3::Zero();       ///< Likewise, its velocity.
@@ -117,6 +119,9 @@ class Flight {
     in.platform.w_IN_N.z() = platform_turn;
     in.push_N = push_N;
     in.stands_on_floor = stands_on_floor;
+    in.told = now_;
+    in.climb = climb;
+    in.thrust_acts_in = 0.1;
     in.deck_swing = deck_swing;
     in.f_end_N = kGravity * Vector3(0, std::tan(deck_lean), 1);
     PlanArrival arrival;
