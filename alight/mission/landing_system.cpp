@@ -9,6 +9,7 @@
 #include "alight/mission/dead_reckoning.h"
 #include "alight/mission/drone_motion.h"
 #include "alight/mission/floor_contact.h"
+#include "alight/mission/lean_watch.h"
 #include "alight/mission/miss.h"
 #include "alight/mission/mission.h"
 #include "alight/platform/deck_motion.h"
@@ -35,6 +36,9 @@ constexpr double kLiftTrust = 0.3;  // share of what lift-off says of the thrust
 // Pictures that still come are to find the filter where they were taken; where they do
 // come, only they carry it on.
 constexpr Seconds kReckonedLate = 0.12;
+constexpr Seconds kLeanTold =
+    0.12;  // from a picture to the lean that it is held against
+constexpr double kLeanThrust = 0.5;        // of its weight, with which it flies
 constexpr double kOwnVelocityShare = 0.1;  // of what telemetry tells anew
 constexpr Time kFuture = 5'000'000;        // ns; clocks agree no better than this
 
@@ -110,6 +114,7 @@ struct LandingSystem::Parts {
   DroneMotion motion;
   DeadReckoning reckoning;
   FloorContact floor;
+  LeanWatch lean;
   Mission mission;
   AttitudeController attitude;
   PidController pid;
@@ -160,6 +165,8 @@ struct LandingSystem::Parts {
   Vector3 seen_v_IB(Time t) const;
   void watch_velocity(const AutopilotTelemetry& t);
   void watch_floor(const AutopilotTelemetry& t);
+  /// The LEDs of another drone are not flown by.
+  void watch_lean(FrameReport& frame);
   void learn_own_velocity(const AutopilotTelemetry& t);
   void reckon(Time now);
   void external_pose(const FrameReport& frame, Output& out);
@@ -323,6 +330,26 @@ OwnMotion LandingSystem::Parts::own_motion(const MotionState& ahead,
   return own;
 }
 
+void LandingSystem::Parts::watch_lean(FrameReport& frame) {
+  if (config.estimator.search_lean_deg >= 180) return;
+  // By set-points alone it is not known for long how it leans.
+  const bool told = telemetry_heard && telemetry.armed &&
+                    std::abs(to_seconds(frame.t - telemetry.captured)) < kLeanTold;
+  if (!told) {
+    lean.pause();
+    return;
+  }
+  const Vector3 lift_N = motion.at(frame.t, frame.x).lift_N;
+  if (lift_N.norm() < kLeanThrust) return;
+  lean.add(frame.t, frame.x.R_NB.transpose() * lift_N);
+  if (!lean.contrary() || motion.on_ground) return;
+  estimator.refuse(frame.x.X_NB(), frame.t);
+  reckoning.forget();
+  lean.pause();
+  frame.tracked = frame.initialized = false;
+  frame.why_not = "the LEDs of another drone: it leans otherwise";
+}
+
 void LandingSystem::Parts::watch_floor(const AutopilotTelemetry& t) {
   if (!alone || !t.armed || !estimator.initialized()) {
     floor.forget();
@@ -361,6 +388,7 @@ void LandingSystem::Parts::take(const Event& event, Time now, Output& out,
     FrameReport report;
     good = timely(frame->captured) && estimator.fuse(*frame, motion, report, probe);
     if (good) {
+      if (report.tracked) watch_lean(report);
       if (report.tracked) {
         x_seen = report.x;
         external_pose(report, out);

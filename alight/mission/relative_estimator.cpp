@@ -63,6 +63,9 @@ Result<void> RelativeEstimatorConfig::validate() const {
         Fault::invalid_config,
         "forget_after_s, reprojection_max_px and search_gate_m must be positive");
   }
+  if (!(reach_m >= 0 && reach_m_s >= 0)) {
+    return fail(Fault::invalid_config, "reach_m and reach_m_s must not be negative");
+  }
   if (!(told_sd_m >= 0 && told_sd_deg >= 0)) {
     return fail(Fault::invalid_config,
                 "told_sd_m and told_sd_deg must not be negative");
@@ -93,6 +96,7 @@ RelativeEstimatorConfig RelativeEstimatorConfig::paper() {
   config.heed_noise = false;
   config.keep_rivals = false;
   config.search_lean_deg = 180;
+  config.reach_m_s = 0;
   return config;
 }
 
@@ -100,6 +104,7 @@ RelativeEstimatorConfig RelativeEstimatorConfig::camera_only() {
   RelativeEstimatorConfig config;
   config.prediction_step_ms = 50;  // nothing happens between pictures
   config.search_lean_deg = 180;
+  config.reach_m_s = 0;
   config.filter = RelativeFilterConfig::camera_only();
   config.found_sd_m_s = 0.7;        // drones before a camera reach 1.8 m/s
   config.learn_led_errors = false;  // how far they are off, is to be learnt, too
@@ -380,7 +385,10 @@ bool RelativeEstimator::follow(const CameraFrame& frame, FrameReport& out,
   }
   const BlobSpan marked = strays_.mark(*blobs, frame.captured);
   if (!follow_among(marked, frame, out, probe)) return false;
-  sure_ = sure_ || no_doubt(out);
+  if (no_doubt(out)) {
+    sure_ = true;
+    beyond_doubt_ = Seen{filter_.state().X_NB(), frame.captured};
+  }
   strays_.remember(marked, led_images(camera_, leds_, filter_.state().X_NB()),
                    no_doubt(out), frame.captured);
   return true;

@@ -80,10 +80,14 @@ struct RelativeEstimatorConfig {
   double expected_within_m = 0.1;   ///< An answer so near to the prediction in place
   double expected_within_deg = 10;  ///< and turn need not be exact.
   // An answer that contradicts the prediction may be made of lamps.
-  double search_drift_m_s = 1;   ///< A prediction may be off by the gate plus this,
-  double search_turn_deg = 35;   ///< and turned by this;
-  double search_lean_deg = 20;   ///< but lean no more from where its thrust is known to
-                                 ///< point. 180: that is not known;
+  double search_drift_m_s = 1;  ///< A prediction may be off by the gate plus this,
+  double search_turn_deg = 35;  ///< and turned by this;
+  double search_lean_deg = 20;  ///< but lean no more from where its thrust is known to
+                                ///< point. 180: that is not known;
+  // Since it was followed beyond doubt a drone comes no farther from the prediction, or
+  // from where it was; what looks like it elsewhere is another one.
+  double reach_m = 0.15;
+  double reach_m_s = 0.3;        ///< And so much a second. 0: that is not known;
   int search_leds = 5;           ///< else an answer needs that many LEDs,
   double search_rms_px = 0.25;   ///< at least as exactly as this,
   double search_rms_factor = 3;  ///< or as this many times what is usual,
@@ -150,6 +154,10 @@ class RelativeEstimator {
     filter_.stop();
     forget_past();
   }
+
+  /// What is followed since the picture of `t` is another drone, with the same LEDs:
+  /// forgotten, and not found again where it is.
+  void refuse(const Pose& X_NB, Time t);
 
   /// Where the drone stands, roughly, while nothing else is known of it: a search that
   /// finds no single answer is decided by it. `cov` of (dp_NB, dR in B).
@@ -220,6 +228,10 @@ class RelativeEstimator {
   /// Few LEDs are held against what they may be besides.
   void doubt(FrameReport& out);
   bool believable(const FoundLeds& found, Time t);
+  /// The drone may have come there since there was no doubt where it was.
+  bool within_reach(const Pose& X_NB, Time t) const;
+  /// The other drone is there.
+  bool is_other(const Pose& X_NB, Time t);
   bool leans_as_known(const Matrix3& R_NB) const;
   bool believable_on_floor(const FoundLeds& found);
   bool confirmed(const Pose& X_NB);
@@ -312,7 +324,13 @@ class RelativeEstimator {
   bool noisy_ = false;                     // pictures of what stands differ
   Time last_frame_ = INT64_MIN;
   Time last_sight_ = 0;
-  Time last_told_ = 0;  // or last found
+  struct Seen {
+    Pose X_NB = Pose::Identity();
+    Time t = 0;
+  };
+  std::optional<Seen> beyond_doubt_;  // last, of this flight
+  std::optional<Seen> other_;         // another drone, last
+  Time last_told_ = 0;                // or last found
   int misses_ = 0;
   bool fresh_ = false;        // just found, its speed is not known yet
   bool found_again_ = false;  // the same, after it was lost

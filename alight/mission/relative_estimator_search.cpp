@@ -25,7 +25,12 @@ constexpr std::size_t kNoLamps = 6;
 constexpr unsigned kDoubtAfter = 4, kDoubtEvery = 256;
 constexpr double kRestReach = 4;  // sd of its place, from where it is expected
 constexpr int kRestLeds = 4;      // of a drone at rest that do to start with
-constexpr double kFlies = 0.5;    // With at least so much of its weight in thrust.
+constexpr double kReachSds = 3;   // Where nobody tells how it moves it may be far off.
+// Another drone is the same from picture to picture; one that leans as it should is
+// not.
+constexpr double kOtherWithin = 0.3, kOtherTurns = 12 * kDegree;
+constexpr Seconds kOtherStays = 3;
+constexpr double kFlies = 0.5;  // With at least so much of its weight in thrust.
 
 Covariance9 covariance_of(const PoseFit& fit, double velocity_sd) {
   Covariance9 cov = Covariance9::Zero();
@@ -167,6 +172,16 @@ void RelativeEstimator::search(const CameraFrame& frame, const MotionSource& mot
     out.why_not = "not yet sure: lights that fit less exactly than LEDs should";
     return;
   }
+  if (is_other(found->fit.X_NB, frame.captured)) {
+    confirmations_ = 0;
+    out.why_not = "the LEDs of another drone";
+    return;
+  }
+  if (!within_reach(found->fit.X_NB, frame.captured)) {
+    confirmations_ = 0;
+    out.why_not = "LEDs where the drone cannot be";
+    return;
+  }
   if (filter_.initialized() && !believable(*found, frame.captured)) {
     out.why_not = "a pose that contradicts the prediction";
     return;
@@ -265,6 +280,7 @@ void RelativeEstimator::go_on_from(const FoundLeds& found, Time t, FrameReport& 
   x.p_NB = found.fit.X_NB.translation();
   x.R_NB = found.fit.X_NB.linear();
   found_again_ = filter_.initialized();
+  if (!found_again_) beyond_doubt_.reset();
   fresh_ = config_.tell_apart;
   double velocity_sd = config_.found_sd_m_s;
   Vector3 d_N = Vector3::Zero(), b_N = Vector3::Zero();
@@ -336,6 +352,8 @@ bool RelativeEstimator::contradicted(const CameraFrame& frame, FrameReport& out,
     return found->frame.seen.size() > seen_.size() &&
            found->frame.seen.size() >= least &&
            leans_as_known(found->fit.X_NB.linear()) &&
+           within_reach(found->fit.X_NB, frame.captured) &&
+           !is_other(found->fit.X_NB, frame.captured) &&
            !near(X_NB, found->fit.X_NB, config_.expected_within_m,
                  config_.expected_within_deg * kDegree) &&
            found->fit.rms_px <= exact_px(found->fit.X_NB.translation());
@@ -427,6 +445,34 @@ bool RelativeEstimator::believable(const FoundLeds& found, Time t) {
     return true;
   }
   return lights >= config_.search_leds && confirmed(found.fit.X_NB);
+}
+
+void RelativeEstimator::refuse(const Pose& X_NB, Time t) {
+  forget();
+  rivals_.clear();
+  doubt_.clear();
+  beyond_doubt_.reset();
+  other_ = Seen{X_NB, t};
+}
+
+bool RelativeEstimator::is_other(const Pose& X_NB, Time t) {
+  const bool there = other_ && to_seconds(t - other_->t) < kOtherStays &&
+                     near(other_->X_NB, X_NB, kOtherWithin, kOtherTurns);
+  if (there) other_ = Seen{X_NB, t};
+  return there;
+}
+
+bool RelativeEstimator::within_reach(const Pose& X_NB, Time t) const {
+  if (!filter_.initialized() || !beyond_doubt_ || config_.reach_m_s <= 0) return true;
+  const double by_time =
+      config_.reach_m + config_.reach_m_s * to_seconds(t - beyond_doubt_->t);
+  const double reach = std::max(by_time, kReachSds * filter_.position_sd());
+  const auto off = [&](const Vector3& p_NB) {
+    return (X_NB.translation() - p_NB).norm();
+  };
+  // Something may hold it that set-points know nothing of.
+  return off(filter_.state().p_NB) <= reach ||
+         off(beyond_doubt_->X_NB.translation()) <= by_time;
 }
 
 // Telemetry tells how it leans however long it is out of sight. Lamps that look like

@@ -53,6 +53,10 @@ PictureTrouble CameraFaults::at(Time t, std::uint64_t index) const {
       case FaultKind::camera_occlusion:
         trouble.covered_share = std::max(trouble.covered_share, f.covered_share);
         break;
+      case FaultKind::other_drone:
+        trouble.X_NB_other = make_pose(Matrix3::Identity(),
+                                       Vector3(f.other_x_m, f.other_y_m, f.other_z_m));
+        break;
       case FaultKind::depth_wrong:
         trouble.depth_factor *= f.depth_factor;
         break;

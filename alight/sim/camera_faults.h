@@ -1,11 +1,13 @@
 #pragma once
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "alight/base/rng.h"
 #include "alight/base/time.h"
 #include "alight/geometry/led_frame.h"
+#include "alight/geometry/pose.h"
 #include "alight/geometry/so3.h"
 #include "alight/sim/fault.h"
 
@@ -22,6 +24,7 @@ struct PictureTrouble {
   double noise_counts = 0;
   double glare_counts = 0;
   double covered_share = 0;
+  std::optional<Pose> X_NB_other;  ///< Of another drone with the same LEDs.
   double depth_factor = 1;
 };
 

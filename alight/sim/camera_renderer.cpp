@@ -148,6 +148,13 @@ Result<void> CameraRenderer::render(std::uint64_t frame_index,
     p.leds.append_spots(scenes, p.spots);
   } else {
     p.leds.append_spots(scenes, p.spots, trouble->led_gain);
+    if (trouble->X_NB_other) {
+      FixedVector<SceneAt, kMaxInstants> other;
+      for (const SceneAt& scene : exposure) {
+        other.push_back({scene.X_IN, *trouble->X_NB_other});
+      }
+      p.leds.append_spots(scenes.of({other.data(), other.size()}), p.spots);
+    }
     for (Spot& spot : p.spots) spot.flux *= trouble->exposure_factor;
     PictureSpoiler::expose(*trouble, color);
   }

@@ -25,6 +25,9 @@ constexpr std::array kNoise{P{"noise_counts", &F::noise_counts, 0, 100}};
 constexpr std::array kGlare{P{"glare_counts", &F::glare_counts, 0, 1000}};
 constexpr std::array kExposure{P{"exposure_factor", &F::exposure_factor, 0.01, 100}};
 constexpr std::array kCover{P{"covered_share", &F::covered_share, 0, 1}};
+constexpr std::array kOther{P{"other_x_m", &F::other_x_m, -20, 20},
+                            P{"other_y_m", &F::other_y_m, -20, 20},
+                            P{"other_z_m", &F::other_z_m, -20, 20}};
 constexpr std::array kDepth{P{"depth_factor", &F::depth_factor, 0.1, 10}};
 constexpr std::array kJumpAlone{kJump};
 constexpr std::array kDrift{P{"drift_m_s", &F::drift_m_s, -5, 5},
@@ -54,6 +57,7 @@ constexpr std::array<Kind, kFaultKinds> kKinds{{
     {"camera_glare", kGlare},
     {"camera_exposure", kExposure},
     {"camera_occlusion", kCover},
+    {"other_drone", kOther},
     {"depth_out", {}},
     {"depth_wrong", kDepth},
     {"radio_stall", {}},

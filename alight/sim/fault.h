@@ -26,6 +26,7 @@ enum class FaultKind : std::uint8_t {
   camera_glare,   ///< A lamp shines into the lens: a veil of `glare_counts` about it.
   camera_exposure,   ///< The automatic sets `exposure_factor` times what it should.
   camera_occlusion,  ///< Something dark hides `covered_share` of the picture.
+  other_drone,       ///< One with the same LEDs hovers at `other_x_m` and so on in N.
   depth_out,         ///< Pictures come without depth.
   depth_wrong,       ///< All depth is `depth_factor` times the true one.
   // Radio.
@@ -55,7 +56,7 @@ enum class FaultKind : std::uint8_t {
   pad_stop,   ///< It brakes hard and stands.
   pad_turn,   ///< It turns hard at `pad_deg_s`.
 };
-inline constexpr int kFaultKinds = 33;
+inline constexpr int kFaultKinds = 34;
 const char* to_string(FaultKind kind);
 std::optional<FaultKind> fault_kind(std::string_view name);
 
@@ -74,6 +75,9 @@ struct FaultScenario {
   double glare_counts = 120;
   double exposure_factor = 8;
   double covered_share = 0.5;
+  double other_x_m = -1.2;
+  double other_y_m = 0.6;
+  double other_z_m = 0.5;
   double depth_factor = 1.5;
   double jump_m = 0.5;
   double drift_m_s = 0.3;

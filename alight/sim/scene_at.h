@@ -37,6 +37,11 @@ class RowScenes {
   RowScenes(std::span<const SceneAt> instants, double readout_share, int height)
       : instants_(instants), readout_share_(readout_share), height_(height) {}
 
+  /// The same picture of something else that moves.
+  RowScenes of(std::span<const SceneAt> instants) const {
+    return {instants, readout_share_, height_};
+  }
+
   bool rolling() const { return readout_share_ > 0; }
   /// While row `v` is exposed: begin, middle and end; all instants for a global
   /// shutter. `room` is where they are kept.

@@ -298,6 +298,48 @@ TEST(LandingFaults, AHiddenDroneIsNotLeftToBeBlownIntoThePlatform) {
   }
 }
 
+// With the same LEDs, while its own are out of sight: of 27 such landings that crashed
+// these are some.
+TEST(LandingFaults, AnotherDroneIsNotFlownBy) {
+  const struct {
+    Vector3 p_NB;
+    FaultKind hides;
+    double at_s, for_s;
+    unsigned seed;
+  } cases[] = {{{-1.2, 0.6, 0.5}, FaultKind::camera_occlusion, 1.8, 3, 1},
+               {{-1.2, 0.6, 0.5}, FaultKind::camera_occlusion, 4, 3, 2},
+               {{-1.2, 0.6, 0.5}, FaultKind::camera_glare, 7.6, 3, 1},
+               {{-1.2, 0.6, 0.5}, FaultKind::camera_out, 4, 1.8, 1},
+               {{-0.9, 0.35, 0.35}, FaultKind::camera_occlusion, 7.6, 3, 1},
+               {{-0.9, 0.35, 0.35}, FaultKind::camera_out, 1.8, 1, 2},
+               {{-1, 0, 0.8}, FaultKind::camera_out, 9.3, 1, 1}};
+  for (const auto& c : cases) {
+    SCOPED_TRACE(std::string(to_string(c.hides)) + " at " + std::to_string(c.at_s));
+    LandingRunOptions options = test::options_of("circle", c.seed);
+    options.scenario.faults = {
+        {.kind = FaultKind::other_drone,
+         .at_s = c.at_s,
+         .for_s = 1000,
+         .other_x_m = c.p_NB.x(),
+         .other_y_m = c.p_NB.y(),
+         .other_z_m = c.p_NB.z()},
+        {.kind = c.hides, .at_s = c.at_s + 0.05, .for_s = c.for_s}};
+    const auto result = run_landing(options);
+    ASSERT_TRUE(result);
+    EXPECT_TRUE(result->outcome == Outcome::landed ||
+                result->outcome == Outcome::aborted)
+        << result->reason;
+  }
+}
+
+TEST(LandingFaults, AnotherDroneInViewDisturbsNoLanding) {
+  for (const unsigned seed : {1u, 2u, 3u}) {
+    const Story s =
+        story({.kind = FaultKind::other_drone, .at_s = 2, .for_s = 1000}, seed);
+    EXPECT_EQ(s.result.outcome, Outcome::landed) << s.result.reason;
+  }
+}
+
 // Its heading and its velocity jump where no picture shows that they do not.
 TEST(LandingFaults, AnEstimatorThatBeginsAnewUnseenIsNoticed) {
   struct Watched : RunObserver {

@@ -113,12 +113,15 @@ std::vector<double> story(const std::vector<FaultScenario>& faults, unsigned see
 
 TEST(Fault, EachOfTheWorldsChangesTheStoryAndTheSameSeedRepeatsIt) {
   const std::set<FaultKind> the_callers{
-      FaultKind::led_dead,        FaultKind::led_flicker,      FaultKind::led_dim,
-      FaultKind::camera_out,      FaultKind::camera_late,      FaultKind::camera_repeat,
-      FaultKind::camera_freeze,   FaultKind::camera_noise,     FaultKind::camera_glare,
-      FaultKind::camera_exposure, FaultKind::camera_occlusion, FaultKind::depth_out,
-      FaultKind::depth_wrong,     FaultKind::computer_stall,   FaultKind::planner_late,
-      FaultKind::operator_hold,   FaultKind::operator_abort};
+      FaultKind::led_dead,         FaultKind::led_flicker,
+      FaultKind::led_dim,          FaultKind::camera_out,
+      FaultKind::camera_late,      FaultKind::camera_repeat,
+      FaultKind::camera_freeze,    FaultKind::camera_noise,
+      FaultKind::camera_glare,     FaultKind::camera_exposure,
+      FaultKind::camera_occlusion, FaultKind::other_drone,
+      FaultKind::depth_out,        FaultKind::depth_wrong,
+      FaultKind::computer_stall,   FaultKind::planner_late,
+      FaultKind::operator_hold,    FaultKind::operator_abort};
   for (const unsigned seed : {1u, 2u}) {
     const auto well = story({}, seed);
     for (const FaultKind kind : all_kinds()) {
