@@ -38,7 +38,7 @@ constexpr double kLiftTrust = 0.3;  // share of what lift-off says of the thrust
 constexpr Seconds kReckonedLate = 0.12;
 constexpr Seconds kLeanTold =
     0.12;  // from a picture to the lean that it is held against
-constexpr double kLeanThrust = 0.5;        // of its weight, with which it flies
+constexpr Seconds kLeanAfterTurn = 1.5;
 constexpr double kOwnVelocityShare = 0.1;  // of what telemetry tells anew
 constexpr Time kFuture = 5'000'000;        // ns; clocks agree no better than this
 
@@ -136,6 +136,7 @@ struct LandingSystem::Parts {
   Time told_alone = 0;  // when it was still so, by telemetry
   bool heading_known = false;
   int heading_off = 0;      // telemetry in a row that contradicts it
+  Time heading_begun = 0;   // when it began anew
   Time first_pose = 0;      // that could have been told to the autopilot,
   bool poses_told = false;  // which it was, or a later one
   Time reckoned = 0;        // when its velocity was told last, unseen
@@ -213,6 +214,7 @@ void LandingSystem::Parts::learn_heading(const AutopilotTelemetry& t,
     const double jump = turn_unfelt(before, t);
     if (heading_known && std::abs(jump) >= kHeadingJump) {
       motion.autopilot_heading = wrap_angle(motion.autopilot_heading + jump);
+      heading_begun = t.captured;
     }
     return;
   }
@@ -225,6 +227,7 @@ void LandingSystem::Parts::learn_heading(const AutopilotTelemetry& t,
   motion.autopilot_heading =
       wrap_angle(motion.autopilot_heading +
                  (jumped ? difference : config.heading_smoothing * difference));
+  if (jumped || heading_off > 0) heading_begun = t.captured;
   heading_known = true;
 }
 
@@ -335,13 +338,19 @@ void LandingSystem::Parts::watch_lean(FrameReport& frame) {
   // By set-points alone it is not known for long how it leans.
   const bool told = telemetry_heard && telemetry.armed &&
                     std::abs(to_seconds(frame.t - telemetry.captured)) < kLeanTold;
-  if (!told) {
+  // One that takes over another heading is told to lean elsewhere meanwhile.
+  const bool turns = to_seconds(frame.t - heading_begun) < kLeanAfterTurn;
+  if (!told || turns) {
     lean.pause();
     return;
   }
-  const Vector3 lift_N = motion.at(frame.t, frame.x).lift_N;
-  if (lift_N.norm() < kLeanThrust) return;
-  lean.add(frame.t, frame.x.R_NB.transpose() * lift_N);
+  // Against its own nose: from the floor an autopilot takes over another heading.
+  const auto level = [](const Matrix3& R) {
+    return Matrix3(from_rpy(0, 0, -yaw_of(R)) * R);
+  };
+  const Matrix3 seen = level(platform.at(frame.t).X_IN.linear() * frame.x.R_NB);
+  const Matrix3 by_itself = level(response.at(frame.t).R_IB);
+  lean.add(frame.t, seen.transpose() * by_itself.col(2));
   if (!lean.contrary() || motion.on_ground) return;
   estimator.refuse(frame.x.X_NB(), frame.t);
   reckoning.forget();

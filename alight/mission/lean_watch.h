@@ -16,8 +16,8 @@ class LeanWatch {
   /// Nothing was seen and told for a while: only what is usual stays known.
   void pause() { last_ = 0; }
 
-  /// At `t` thrust points along `lift_B`, by what telemetry tells of its attitude and
-  /// pictures of the LEDs': of any length but zero.
+  /// At `t` the autopilot's own z axis points along `lift_B`, in the frame of the LEDs
+  /// as pictures have them lean: of any length but zero.
   void add(Time t, const Vector3& lift_B);
 
   /// They lean otherwise, and have done so for a while.
