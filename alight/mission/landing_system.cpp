@@ -36,9 +36,9 @@ constexpr double kLiftTrust = 0.3;  // share of what lift-off says of the thrust
 // Pictures that still come are to find the filter where they were taken; where they do
 // come, only they carry it on.
 constexpr Seconds kReckonedLate = 0.12;
-constexpr Seconds kLeanTold =
-    0.12;  // from a picture to the lean that it is held against
-constexpr Seconds kLeanAfterTurn = 1.5;
+// From a picture to the lean that it is held against, and not so soon after its heading
+// began anew.
+constexpr Seconds kLeanTold = 0.12, kLeanAfterTurn = 1.5;
 constexpr double kOwnVelocityShare = 0.1;  // of what telemetry tells anew
 constexpr Time kFuture = 5'000'000;        // ns; clocks agree no better than this
 

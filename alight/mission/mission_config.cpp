@@ -145,8 +145,8 @@ Result<void> check_places(const MissionConfig& config, const Rig& rig) {
   if (config.start_on_floor && rig.pad.above_floor_m > kHighestFromFloor) {
     std::ostringstream text;
     text << "pad.above_floor_m is " << rig.pad.above_floor_m
-         << ": a drone that starts from the floor climbs unseen and would come into "
-            "sight too fast to be stopped (more than "
+         << ": a drone that starts from the floor climbs unseen, and the wind may have "
+            "it in the platform before it is above the pad (more than "
          << kHighestFromFloor << " m is not flown): start it from the pad";
     return fail(Fault::invalid_config, text.str());
   }

@@ -385,12 +385,13 @@ bool RelativeEstimator::follow(const CameraFrame& frame, FrameReport& out,
   }
   const BlobSpan marked = strays_.mark(*blobs, frame.captured);
   if (!follow_among(marked, frame, out, probe)) return false;
-  if (no_doubt(out)) {
+  const bool no_doubt = this->no_doubt(out);
+  if (no_doubt) {
     sure_ = true;
     beyond_doubt_ = Seen{filter_.state().X_NB(), frame.captured};
   }
-  strays_.remember(marked, led_images(camera_, leds_, filter_.state().X_NB()),
-                   no_doubt(out), frame.captured);
+  strays_.remember(marked, led_images(camera_, leds_, filter_.state().X_NB()), no_doubt,
+                   frame.captured);
   return true;
 }
 

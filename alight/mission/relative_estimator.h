@@ -155,8 +155,8 @@ class RelativeEstimator {
     forget_past();
   }
 
-  /// What is followed since the picture of `t` is another drone, with the same LEDs:
-  /// forgotten, and not found again where it is.
+  /// What is followed, in the picture of `t` there, is another drone, with the same
+  /// LEDs: forgotten, and not found again where it is.
   void refuse(const Pose& X_NB, Time t);
 
   /// Where the drone stands, roughly, while nothing else is known of it: a search that

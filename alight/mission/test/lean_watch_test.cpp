@@ -59,18 +59,19 @@ TEST(LeanWatch, AnotherDroneLeansOtherwise) {
     SCOPED_TRACE(seed);
     const double way = 0.2 * seed;
     const Vector2 there(std::cos(way), std::sin(way));
-    Watch fast;
-    fast.rng = Rng(seed);
-    fast.run(3);
-    fast.run(1.5, 16 * there);
-    EXPECT_GE(fast.contrary_after, 0);
-    EXPECT_LT(fast.contrary_after, 0.4);
-    Watch slow;
-    slow.rng = Rng(seed);
-    slow.run(3);
-    slow.run(4, 7.5 * there);
-    EXPECT_GE(slow.contrary_after, 0.3);
-    EXPECT_LT(slow.contrary_after, 2.5);
+    const auto contrary_after = [&](double deg, Seconds s) {
+      Watch w;
+      w.rng = Rng(seed);
+      w.run(3);
+      w.run(s, deg * there);
+      return w.contrary_after;
+    };
+    const Seconds fast = contrary_after(16, 1.5);
+    EXPECT_GE(fast, 0);
+    EXPECT_LT(fast, 0.4);
+    const Seconds slow = contrary_after(7.5, 4);
+    EXPECT_GE(slow, 0.3);
+    EXPECT_LT(slow, 2.5);
   }
 }
 
