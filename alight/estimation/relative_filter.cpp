@@ -37,6 +37,17 @@ constexpr double kSmooth = 1.8;
 // Out of sight, what is left of a smooth movement adds up instead of averaging out:
 // from then on the process noise grows, by as much again in each such time.
 constexpr Seconds kGoesOnAlike = 0.05, kTurnsElsewhere = 0.1;
+// Of two integrations of white noise observed in white noise, half the variance of the
+// velocity is the process's, however large either is (it goes with the square root of
+// both). Of drones little more than the other half is left where the filter averages
+// over less than they take to change their push, all where it averages over more:
+// measured on flights of both renderers, clean and hard.
+constexpr double kVelocityLeast = 0.6;
+constexpr Seconds kPushesAlike = 0.15;
+constexpr double kPushesEnd = 2.5;  // exponent; how sudden the one becomes the other
+// Share of a picture's noise that stays for the next, where so many are averaged.
+constexpr double kNoiseAlike = 0.008;
+constexpr double kAveragedLeast = 3, kAveragedMost = 18;
 // Six LEDs show six directions of their errors. What is learnt from these varies; the
 // mean of 1 / chi^2 of six degrees of freedom is 1.5 / 6.
 constexpr double kLedCaution = 1.2247;  // sqrt(1.5)
@@ -180,7 +191,7 @@ void RelativeFilter::reset(Time t, const RelativeState& x,
   restless_ = 1;
   of_d_.forget();
   of_turn_.forget();
-  updates_ = 0;
+  updates_ = in_a_row_ = 0;
   measured_v_NB_ = x.v_NB;
 }
 
@@ -770,12 +781,38 @@ void RelativeFilter::learn_velocity() {
     measured_v_NB_ += config_.velocity_alpha * (v - measured_v_NB_);
   }
   last_p_NB_ = state_.x.p_NB;
+  between_s_ = updates_ > 0 ? to_seconds(time_ - last_update_) : 0;
+  in_a_row_ = between_s_ <= kGoesOnAlike ? in_a_row_ + 1 : 0;
   last_update_ = time_;
   ++updates_;
 }
 
+Covariance9 RelativeFilter::as_flown() const {
+  const Covariance9 P = tracking_covariance();
+  if (config_.noise.turn <= 0 || in_a_row_ == 0 || !(between_s_ > 0)) return P;
+  // Over how long the filter averages.
+  const double averaged_s =
+      std::sqrt(P.diagonal().head<3>().sum() / P.diagonal().tail<3>().sum());
+  const Eigen::LLT<Matrix6> pose(P.topLeftCorner<6, 6>());
+  if (!std::isfinite(averaged_s) || pose.info() != Eigen::Success) return P;
+  const double settled = std::min(in_a_row_ / kCarriedFor, 1.0);
+  const double less = settled * (1 - kVelocityLeast) *
+                      std::exp(-std::pow(averaged_s / kPushesAlike, kPushesEnd));
+  const double pictures =
+      std::clamp(averaged_s / between_s_, kAveragedLeast, kAveragedMost);
+  const double more = settled * kNoiseAlike * (pictures - kAveragedLeast);
+
+  const Eigen::Matrix<double, 6, 3> cross = P.topRightCorner<6, 3>();
+  const Matrix3 by_pose =
+      cross.transpose() * solve_small<6, 3>(pose, cross);  // what of v the pose tells
+  Covariance9 told = (1 + more) * P;
+  told.bottomRightCorner<3, 3>() =
+      (1 + more) * by_pose + (1 - less) * (P.bottomRightCorner<3, 3>() - by_pose);
+  return told;
+}
+
 Covariance9 RelativeFilter::covariance() const {
-  Covariance9 total = tracking_covariance();
+  Covariance9 total = as_flown();
   const double led = led_sd_m();
   if (leds_learnt_) {
     const auto B = led_bias_.topRows<9>();

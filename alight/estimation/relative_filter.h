@@ -126,7 +126,9 @@ class RelativeFilter {
   }
 
   /// Of state() against the truth: the filter's own and the share of the rig's constant
-  /// errors (LEDs, mount, focal length), which stays however long one looks.
+  /// errors (LEDs, mount, focal length), which stays however long one looks. Where it
+  /// learns how the drone turns (ProcessNoise::turn), the filter's own is told as
+  /// drones and pictures are: see as_flown().
   Covariance9 covariance() const;
   /// What of it the mount and the focal length are, for a drone at p_NB with v_NB. The
   /// share of the former grows with the distance from the lens.
@@ -189,6 +191,11 @@ class RelativeFilter {
   void learn_velocity();
   void watch_residuals();
   double led_sd_m() const;
+  /// tracking_covariance() without what white noise makes of it. Drones move smoothly:
+  /// what the process noise adds to the velocity within a moment is not there. And of
+  /// what a picture shows off, a small share is the same in the next: averaging leaves
+  /// more of it than of white noise.
+  Covariance9 as_flown() const;
   /// What of covariance() the LEDs as a whole are (RelativeFilterConfig::led_frame).
   Covariance9 led_frame_covariance() const;
   void watch_fit(const LedFrame& seen);
@@ -222,6 +229,8 @@ class RelativeFilter {
   // The paper's velocity measurement.
   int updates_ = 0;  // since reset
   Time last_update_ = 0;
+  int in_a_row_ = 0;       // pictures fused, no more than kGoesOnAlike between them
+  Seconds between_s_ = 0;  // the last two of them
   Vector3 last_p_NB_ = Vector3::Zero();
   Vector3 measured_v_NB_ = Vector3::Zero();
 };

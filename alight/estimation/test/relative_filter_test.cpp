@@ -592,6 +592,52 @@ TEST(RelativeFilter, LearnsTheRateOfTurnThatNobodyTells) {
   EXPECT_GT(off_after_blackout(config), 10 * kDegree);
 }
 
+/// Told against tracked variance of the velocity, and of the position, after `pictures`
+/// of a drone that sways.
+std::pair<double, double> told_share(const RelativeFilterConfig& config, int pictures,
+                                     double range_m) {
+  const Rig rig = alan_rig();
+  auto filter = RelativeFilter::create(config, rig.camera, rig.leds).value();
+  const auto truth = [&](double t) {
+    RelativeState x;
+    x.p_NB = Vector3(0.54 - range_m, 0.2 * std::sin(3 * t), 0.6);
+    x.v_NB = Vector3(0, 0.6 * std::cos(3 * t), 0);
+    return x;
+  };
+  Rng rng(8);
+  filter.reset(0, truth(0), start_covariance());
+  for (int k = 1; k <= pictures; ++k) {
+    const Time t = from_seconds(k / 60.0);
+    EXPECT_TRUE(filter.predict_to(t, {}).has_value());
+    (void)filter.update(
+        picture(rig.camera, rig.leds, truth(k / 60.0).X_NB(), t, 0.05, rng));
+  }
+  const Covariance9 told = filter.covariance(), tracked = filter.tracking_covariance();
+  EXPECT_EQ(Eigen::LLT<Covariance9>(told).info(), Eigen::Success);
+  return {told.diagonal().tail<3>().sum() / tracked.diagonal().tail<3>().sum(),
+          told.diagonal().head<3>().sum() / tracked.diagonal().head<3>().sum()};
+}
+
+// The nearer, the shorter it averages, the less of its process noise is there.
+TEST(RelativeFilter, TellsTheVelocityAsSmoothFlightsLeaveIt) {
+  RelativeFilterConfig config = RelativeFilterConfig::camera_only();
+  config.learn_from_residuals = false;
+  const auto near = told_share(config, 120, 0.7), far = told_share(config, 120, 2.8);
+  EXPECT_LT(near.first, 0.85);
+  EXPECT_GT(near.first, 0.55);
+  EXPECT_GT(far.first, near.first);
+  EXPECT_LT(near.second, far.second);
+  EXPECT_GE(near.second, 1);
+  EXPECT_LT(far.second, 1.15);
+  // What it began with is no process noise.
+  EXPECT_NEAR(told_share(config, 1, 0.7).first, 1, 1e-9);
+  EXPECT_GT(told_share(config, 3, 0.7).first, 0.95);
+  RelativeFilterConfig landing;
+  const auto known = told_share(landing.with_perfect_rig(), 120, 0.7);
+  EXPECT_NEAR(known.first, 1, 1e-9);
+  EXPECT_NEAR(known.second, 1, 1e-9);
+}
+
 struct DragFlight {
   double speed_rms = 0, speed_nees = 0;
   Vector3 drag_N = Vector3::Zero();
