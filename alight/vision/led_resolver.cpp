@@ -16,10 +16,14 @@ constexpr double kDark = 0.08;        // share of the brightest that is no light
 constexpr double kVagueSd = 3;        // px; an LED less well placed is not seen
 constexpr double kForeignReach = 40;  // px
 constexpr double kNoiseUsual = PointSpread{}.noise_variance;  // of most cameras
-constexpr double kDimLeast = 12;       // grey levels of an LED without a blob, with it
-constexpr std::size_t kSureLeds = 3;   // with blobs of their own, before dim ones count
-constexpr double kGoodChi2 = 3;        // per pixel; a worse fit is tried again
-constexpr double kStrangerReach = 15;  // px around the constellation
+constexpr double kDimLeast = 12;      // grey levels of an LED without a blob, with it
+constexpr std::size_t kSureLeds = 3;  // with blobs of their own, before dim ones count
+constexpr double kGoodChi2 = 3;       // per pixel; a worse fit is tried again
+// An LED that has given no light for so many pictures is not looked for in others'
+// light, of which noise would make it, unless this many times the usual chi2 are left.
+constexpr int kDeadAfter = 30;
+constexpr double kUnexplained = 2;
+constexpr double kStrangerReach = 15;                // px around the constellation
 constexpr double kNoiseLeast = 0.1, kNoiseMost = 4;  // of chi2 per pixel
 // From so many times its usual value on it is no noise: the edge of something that
 // covers part of a light leaves residuals side by side, which pull it by as much more,
@@ -133,8 +137,9 @@ struct LedResolver::Patch {
   Patch() {}  // Leaves the room for a fit as it is: a list of patches is large.
 
   FixedVector<int, kMaxLeds> members;
-  double area_px = 0;   ///< Of the largest of its blobs; 0: none.
-  bool unlike = false;  ///< Nothing like its LEDs was found in it.
+  double area_px = 0;    ///< Of the largest of its blobs; 0: none.
+  bool unlike = false;   ///< Nothing like its LEDs was found in it.
+  unsigned feigned = 0;  ///< Members that only noise shows.
   std::optional<SpotFit> fit;
 };
 
@@ -277,7 +282,7 @@ void LedResolver::add(const Patch& patch, BlobSpan blobs, const Assignment& matc
   for (int k = 0; k < fit.count; ++k) {
     const double variance = cov_all(2 * k, 2 * k) + cov_all(2 * k + 1, 2 * k + 1);
     if (fit.height[static_cast<std::size_t>(k)] > kDark * brightest &&
-        variance < 2 * kVagueSd * kVagueSd) {
+        ((patch.feigned >> k) & 1) == 0 && variance < 2 * kVagueSd * kVagueSd) {
       keep.push_back(k);
     }
   }
@@ -397,11 +402,33 @@ void LedResolver::fit(Look& look, Patch& patch) const {
   }
   if (patch.fit && found->chi2_per_pixel > patch.fit->chi2_per_pixel) return;
   patch.fit = found;
+  patch.feigned = feigned(patch, {sought.data(), sought.size()});
   for (std::size_t k = 0; k < patch.members.size(); ++k) {
     const auto n = static_cast<std::size_t>(patch.members[k]);
     look.lights[n] = {found->uv[k], found->height[k], sought[k].color};
     if (!known(sought[k].color)) look.lights[n].color = found->color;
   }
+}
+
+unsigned LedResolver::feigned(const Patch& patch,
+                              std::span<const LightSought> sought) const {
+  const auto was_lit = [&](std::size_t k) { return (lit_ >> patch.members[k]) & 1; };
+  const auto off = [&](std::size_t k) {
+    return Vector2(patch.fit->uv[k] - sought[k].uv);
+  };
+  Vector2 common = Vector2::Zero();
+  int lit = 0;
+  for (std::size_t k = 0; k < sought.size(); ++k) {
+    if (!was_lit(k)) continue;
+    common += off(k);
+    ++lit;
+  }
+  unsigned out = 0;
+  for (std::size_t k = 0; lit > 0 && k < sought.size(); ++k) {
+    const bool elsewhere = (off(k) - common / lit).norm() > config_.dim_reach_px;
+    if (!was_lit(k) && elsewhere) out |= 1u << k;
+  }
+  return out;
 }
 
 void LedResolver::learn_skirt(const Look& look, const Patches& patches) {
@@ -462,16 +489,31 @@ void LedResolver::learn_from(const Look& look, const Patches& patches) {
 }
 
 LedResolver::Patches LedResolver::patches(const LedImages& images, BlobSpan blobs,
-                                          const Assignment& match) const {
+                                          const Assignment& match,
+                                          bool* left_out) const {
   const auto n = static_cast<std::size_t>(leds_.size());
   std::array<std::size_t, kMaxLeds> group;
   for (std::size_t i = 0; i < n; ++i) group[i] = i;
   const double touch = config_.touch * spot_reach_px(spread_, Vector2::Zero());
+  const auto touching = [&](std::size_t i, std::size_t k) {
+    const bool shared = match.blob[i] >= 0 && match.blob[i] == match.blob[k];
+    return images.in_front[i] && images.in_front[k] &&
+           (shared || (images.uv[i] - images.uv[k]).norm() <= touch);
+  };
+  const auto dead = [&](std::size_t i) { return dark_[i] >= kDeadAfter; };
+  std::array<bool, kMaxLeds> looked_for;
+  for (std::size_t i = 0; i < n; ++i) {
+    looked_for[i] = images.in_front[i];
+    for (std::size_t k = 0; left_out != nullptr && k < n; ++k) {
+      if (!dead(i) || dead(k) || !touching(i, k)) continue;
+      looked_for[i] = false;
+      *left_out = true;
+    }
+  }
   for (std::size_t i = 0; i < n; ++i) {
     for (std::size_t k = 0; k < i; ++k) {
-      if (!images.in_front[i] || !images.in_front[k] || group[i] == group[k]) continue;
-      const bool shared = match.blob[i] >= 0 && match.blob[i] == match.blob[k];
-      if (!shared && (images.uv[i] - images.uv[k]).norm() > touch) continue;
+      if (!looked_for[i] || !looked_for[k] || group[i] == group[k]) continue;
+      if (!touching(i, k)) continue;
       const std::size_t from = group[i], to = group[k];
       for (std::size_t j = 0; j < n; ++j) {
         if (group[j] == from) group[j] = to;
@@ -482,7 +524,7 @@ LedResolver::Patches LedResolver::patches(const LedImages& images, BlobSpan blob
   for (std::size_t g = 0; g < n; ++g) {
     Patch patch;
     for (std::size_t i = 0; i < n; ++i) {
-      if (group[i] != g || !images.in_front[i]) continue;
+      if (group[i] != g || !looked_for[i]) continue;
       patch.members.push_back(static_cast<int>(i));
       if (match.blob[i] < 0) continue;
       const Blob& blob = blobs[static_cast<std::size_t>(match.blob[i])];
@@ -498,7 +540,8 @@ void LedResolver::resolve(const ImageView& image, BlobSpan blobs,
                           LedFrame& frame) {
   const LedImages& images = detail.images;
   const Assignment& match = detail.match;
-  Patches patches = this->patches(images, blobs, match);
+  bool left_out = false;
+  Patches patches = this->patches(images, blobs, match, &left_out);
 
   // Patches with blobs first; what they say of the pose shows where to look for the
   // rest.
@@ -506,6 +549,13 @@ void LedResolver::resolve(const ImageView& image, BlobSpan blobs,
   const auto has_blob = [](const Patch& patch) { return patch.area_px > 0; };
   Look look = look_at(image, blobs, match, images, blur_px, 0);
   fit_all(look, patches, has_blob);
+  if (left_out && std::any_of(patches.begin(), patches.end(), [&](const Patch& patch) {
+        return has_blob(patch) && unexplained(patch);
+      })) {
+    patches = this->patches(images, blobs, match, nullptr);
+    look.lights = look_at(image, blobs, match, images, blur_px, 0).lights;
+    fit_all(look, patches, has_blob);
+  }
   if (judged_ == 0) {
     // What the first picture tells of the camera's lights, it tells of its own, too.
     for (const Patch& patch : patches) learn_spread(patch);
@@ -579,9 +629,22 @@ void LedResolver::resolve(const ImageView& image, BlobSpan blobs,
   }
   frame.seen = out.seen;
   frame.groups = out.groups;
-  lit_ = 0;
+  std::uint16_t lit = 0;
   for (const LedObservation& o : out.seen) {
-    if (std::has_single_bit(o.leds)) lit_ = static_cast<std::uint16_t>(lit_ | o.leds);
+    if (std::has_single_bit(o.leds)) lit = static_cast<std::uint16_t>(lit | o.leds);
+  }
+  remember_lit(lit);
+}
+
+bool LedResolver::unexplained(const Patch& patch) const {
+  return !patch.fit ||
+         patch.fit->chi2_per_pixel > kUnexplained * std::max(noise_, kNoiseLeast);
+}
+
+void LedResolver::remember_lit(std::uint16_t lit) {
+  lit_ = lit;
+  for (std::size_t i = 0; i < static_cast<std::size_t>(leds_.size()); ++i) {
+    dark_[i] = ((lit >> i) & 1) != 0 ? 0 : std::min(dark_[i] + 1, kDeadAfter);
   }
 }
 
@@ -647,11 +710,19 @@ std::optional<LedFrame> LedResolver::follow(const ImageView& image, BlobSpan blo
                               kLargestImage * median(areas.begin(), areas.end())) {
     return std::nullopt;
   }
-  Patches patches = this->patches(images, blobs, match);
+  bool left_out = false;
+  const auto any = [](const Patch&) { return true; };
+  Patches patches = this->patches(images, blobs, match, &left_out);
   LedFrame out;
   out.t = t;
   Look look = look_at(image, blobs, match, images, blur_px, 0);
-  fit_all(look, patches, [](const Patch&) { return true; });
+  fit_all(look, patches, any);
+  if (left_out && std::any_of(patches.begin(), patches.end(),
+                              [&](const Patch& p) { return unexplained(p); })) {
+    patches = this->patches(images, blobs, match, nullptr);
+    look.lights = look_at(image, blobs, match, images, blur_px, 0).lights;
+    fit_all(look, patches, any);
+  }
   compare_lights(look, patches, X_NB_predicted);
   for (Patch& patch : patches) {
     if (patch.fit) {
@@ -691,7 +762,7 @@ std::optional<LedFrame> LedResolver::follow(const ImageView& image, BlobSpan blo
     }
     out.refused.push_back(unmatched(blobs[j]));
   }
-  lit_ = lit;
+  remember_lit(lit);
   learn_from(look, patches);
   return out;
 }
@@ -764,7 +835,7 @@ LedFrame LedResolver::hold(const ImageView& image, BlobSpan blobs,
 
   std::uint16_t lit = 0;
   Look look = look_at(image, blobs, match, images, blur_px, kHoldMargin);
-  Patches patches = this->patches(images, blobs, match);
+  Patches patches = this->patches(images, blobs, match, nullptr);
   fit_all(look, patches, [](const Patch&) { return true; });
   compare_lights(look, patches, X_NB_predicted);
   for (const Patch& patch : patches) {

@@ -85,8 +85,13 @@ class LedResolver {
 
   LedResolver(const LedResolverConfig& config, const Camera& camera,
               const Constellation& leds);
-  Patches patches(const LedImages& images, BlobSpan blobs,
-                  const Assignment& match) const;
+  /// LEDs that are looked for together; those that are dead and stand in others' light
+  /// only without `left_out`, which receives whether there is any.
+  Patches patches(const LedImages& images, BlobSpan blobs, const Assignment& match,
+                  bool* left_out) const;
+  /// Its pixels show more, or something else, than the lights looked for.
+  bool unexplained(const Patch& patch) const;
+  void remember_lit(std::uint16_t lit);
   void learn(const Patch& patch);
   void learn_color(int led, const LightColor& color);
   void learn_spread(const Patch& patch);
@@ -99,6 +104,9 @@ class LedResolver {
   template <class Wanted>
   void fit_all(Look& look, Patches& patches, Wanted&& wanted) const;
   void fit(Look& look, Patch& patch) const;
+  /// Members of a fitted patch, a bit each, that have not been seen the last time and
+  /// are not where those that have been say: what noise makes of a light beside them.
+  unsigned feigned(const Patch& patch, std::span<const LightSought> sought) const;
   /// Around one LED a picture: what the Gaussians leave there.
   void learn_skirt(const Look& look, const Patches& patches);
   void look_around(const Look& look, const Patches& patches, std::size_t led);
@@ -120,10 +128,11 @@ class LedResolver {
   std::array<LightColor, kMaxLeds> colors_{};  // under a mosaic, each told by
   std::array<int, kMaxLeds> colors_seen_{};    // so many looks, at most kColorMemory
   LightShare share_, area_share_;
-  std::uint16_t lit_ = 0;  // LEDs seen the last time
-  double noise_ = 1;       // chi2 per pixel to be expected,
-  double judged_ = 0;      // from so many patches, at most spread_memory
-  double known_ = 0;       // patches learnt from, at most spread_memory
+  std::uint16_t lit_ = 0;             // LEDs seen the last time
+  std::array<int, kMaxLeds> dark_{};  // Pictures in a row in which they were not
+  double noise_ = 1;                  // chi2 per pixel to be expected,
+  double judged_ = 0;                 // from so many patches, at most spread_memory
+  double known_ = 0;                  // patches learnt from, at most spread_memory
   double skirt_information_ = 0;
   int skirt_looks_ = 0, pictures_ = 0;
   std::size_t next_ = 0;  // LED around which the skirt is looked at next

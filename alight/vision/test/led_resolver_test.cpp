@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <bit>
 #include <vector>
 
@@ -148,6 +149,42 @@ TEST(LedResolver, AnLedThatIsDarkIsLeftOut) {
   }
   EXPECT_GE(followed, 0.8 * runs);
   EXPECT_LE(ghosts, 0.03 * followed);
+}
+
+// Of a light that runs together with where a dead LED would shine noise makes two.
+TEST(LedResolver, ADeadLedIsNotMadeOfItsNeighboursLight) {
+  Rng rng(12);
+  int runs = 0, ghosts = 0, came_back = 0, missed = 0;
+  while (runs < 60) {
+    const int dead = runs % 6;
+    Rng same = rng;
+    Scene lit(rng, 2, 3), scene(same, 2, 3, static_cast<std::uint16_t>(1u << dead));
+    const auto uv = [&](int led) {
+      return *project_led(lit.rig.camera, lit.X_NB, lit.rig.leds.p_BL(led));
+    };
+    double nearest = 100;
+    for (int i = 0; i < 6; ++i) {
+      if (i != dead) nearest = std::min(nearest, (uv(i) - uv(dead)).norm());
+    }
+    if (nearest > 3.5) continue;
+    ++runs;
+    LedResolver resolver = scene.resolver();
+    const auto seen = [&](Scene& of, Time t) {
+      const auto frame =
+          resolver.follow(of.picture.view(), of.blobs(), scene.predicted(rng), 2.5,
+                          {of.still.data(), of.still.size()}, t);
+      return frame && std::any_of(frame->seen.begin(), frame->seen.end(),
+                                  [&](const LedObservation& o) {
+                                    return o.leds == (1u << dead);
+                                  });
+    };
+    for (int k = 0; k < 40; ++k) (void)seen(scene, k);
+    for (int k = 40; k < 50; ++k) ghosts += seen(scene, k);
+    // It shines again.
+    (seen(lit, 50) || seen(lit, 51) ? came_back : missed) += 1;
+  }
+  EXPECT_LE(ghosts, 6) << "of " << 10 * runs;
+  EXPECT_GE(came_back, 0.6 * runs);
 }
 
 // Behind the edge of what covers part of the picture.
