@@ -124,10 +124,17 @@ void RivalPoses::add(const LedRival& fresh, Time t) {
   cov.diagonal().head<6>().array() += 1e-6;
   cov.bottomRightCorner<3, 3>().diagonal().setConstant(kVelocitySd * kVelocitySd);
   place->filter.reset(t, x, cov);
+  // What one picture alone is enough to propose starts level with who came before it:
+  // that the finder did not think of it earlier is no evidence.
+  double level = 0;
+  for (const Rival& rival : rivals_) {
+    if (rival.alive && &rival != place) level = std::min(level, rival.score);
+  }
   place->alive = true;
   place->by_chance = fresh.by_chance;
   place->pictures = place->misses = 0;
-  place->score = place->moved = 0;
+  place->score = fresh.by_chance ? 0 : level;
+  place->moved = 0;
 }
 
 Result<FoundLeds> RivalPoses::decide(BlobSpan blobs, Time t,

@@ -149,6 +149,60 @@ INSTANTIATE_TEST_SUITE_P(Cases, RivalPosesMany,
                                          Case{"TwoDarkAmong100", 2, 100, 4, 0}),
                          [](const auto& of) { return of.param.name; });
 
+/// Four lights that are read as other LEDs from the first picture on, and as what they
+/// are only later: who came first has no right to stay.
+TEST(RivalPoses, WhoComesLaterStartsLevel) {
+  Watcher watcher;
+  const NoMotion motion;
+  int halls = 0, told = 0, right = 0;
+  for (unsigned seed = 0; seed < 80; ++seed) {
+    Hall hall(watcher.rig, 0, 0, seed);
+    const auto lit = [&](double s, std::initializer_list<int> as) {
+      const auto blobs = hall.picture(s);
+      FixedVector<LedObservation, kMaxLeds> seen;
+      for (const int led : as) {
+        LedObservation o;
+        o.leds = static_cast<std::uint16_t>(1u << led);
+        o.uv = blobs[seen.size() + 2].uv;  // those of LEDs 2 to 5
+        o.cov = 0.01 * Matrix2::Identity();
+        seen.push_back(o);
+      }
+      return refine_pose(watcher.rig.camera, watcher.rig.leds,
+                         {seen.data(), seen.size()}, hall.at(s));
+    };
+    const auto taken = lit(0, {1, 3, 4, 5});
+    if (!taken || taken->rms_px > 1 ||
+        angle_between(taken->X_NB.linear(), hall.at(0).linear()) < 15 * kDegree) {
+      continue;  // such a pose is not followed, or no other
+    }
+    ++halls;
+    watcher.rivals.clear();
+    for (int k = 0; k < 40; ++k) {
+      const double s = k / 60.0;
+      std::vector<LedRival> fresh;
+      const auto wrong = lit(s, {1, 3, 4, 5}), as_they_are = lit(s, {2, 3, 4, 5});
+      if (wrong && wrong->rms_px < 1) fresh.push_back({wrong->X_NB, wrong->cov, 4});
+      if (k >= 7 && as_they_are) {
+        fresh.push_back({as_they_are->X_NB, as_they_are->cov, 4});
+      }
+      auto blobs = hall.picture(s);
+      blobs.erase(blobs.begin(), blobs.begin() + 2);
+      const auto found = watcher.rivals.decide(
+          blobs, from_seconds(100 + s), {fresh.data(), fresh.size()}, watcher.tracker,
+          motion, from_seconds(0.005));
+      if (!found) continue;
+      ++told;
+      right +=
+          angle_between(found->fit.X_NB.linear(), hall.at(s).linear()) < 10 * kDegree;
+      break;
+    }
+  }
+  EXPECT_GE(halls, 10);
+  EXPECT_GE(told, halls / 2);
+  EXPECT_GE(right,
+            0.6 * told);  // of those that came later; none, were it age that counts
+}
+
 /// Lamps that do not move are never taken for a drone, however long one looks.
 TEST(RivalPoses, LampsAloneAreNoDrone) {
   Watcher watcher;
