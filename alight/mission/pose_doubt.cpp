@@ -10,6 +10,9 @@ namespace {
 // Other readings are looked for in the first picture of few LEDs, the second, the
 // fourth and so on, at last in every so many.
 constexpr unsigned kLookEvery = 64;
+// or, while the drone leans as none does that flies so, in more.
+constexpr unsigned kLookEveryInDoubt = 8;
+constexpr double kAcrossSds = 3;
 constexpr double kRms = 3;  // times the pose's own, of a reading worth a look,
 constexpr double kRmsLeast_px = 0.3;  // or so much
 constexpr double kEvidenceMost = 20;
@@ -38,6 +41,15 @@ double PoseDoubt::word(double chi2, double other_chi2) const {
   // How exact rig and pixels are is not known: what counts is how many times worse
   // one of them fits.
   return config_.weight * std::log((2 + chi2) / (2 + other_chi2));
+}
+
+double PoseDoubt::leans(const Pose& other, const Pose& X_NB) const {
+  const auto own = force_.across(Matrix3::Identity());
+  const auto its = force_.across(X_NB.linear().transpose() * other.linear());
+  if (!own || !its) return 0;
+  const double more =
+      (*own * *own - *its * *its) / (config_.across_sd * config_.across_sd);
+  return std::clamp(more / 2, -config_.across_most, config_.across_most);
 }
 
 bool PoseDoubt::apart(const Pose& a, const Pose& b) const {
@@ -90,6 +102,7 @@ bool PoseDoubt::follow(Rival& rival, const Camera& camera, const Constellation& 
   rival.pose.fit = *fit;
   if (rival.mirrored && !apart(fit->X_NB, X_NB)) return false;
   ++rival.pictures;
+  rival.leans = leans(fit->X_NB, X_NB);
   rival.evidence =
       std::clamp(config_.remembers * rival.evidence + word(chi2, fit->chi2),
                  -kEvidenceMost, kEvidenceMost);
@@ -128,8 +141,11 @@ void PoseDoubt::look(const Camera& camera, const Constellation& leds, bool use_c
   }
   ++pictures_;
   const double rms_max = std::max(kRms * own->rms_px, kRmsLeast_px);
+  const double across = force_.across(Matrix3::Identity()).value_or(0);
+  const unsigned every =
+      across > kAcrossSds * config_.across_sd ? kLookEveryInDoubt : kLookEvery;
   const bool looks =
-      !sure && (std::has_single_bit(pictures_) || pictures_ % kLookEvery == 0);
+      !sure && (std::has_single_bit(pictures_) || pictures_ % every == 0);
   if (looks) {
     OtherPoses others;
     find_other_poses(camera, leds, use_color, plausible, seen, own->X_NB, rms_max,
@@ -148,7 +164,7 @@ void PoseDoubt::look(const Camera& camera, const Constellation& leds, bool use_c
   open_ = false;
   for (const Rival& rival : rivals_) {
     // One that fits better counts at once where it is not known which LEDs these are.
-    const bool counts = rival.pictures >= kPictures ? rival.evidence > -config_.open
+    const bool counts = rival.pictures >= kPictures ? rival.for_it() > -config_.open
                                                     : !sure && rival.evidence > 0;
     open_ = open_ || (counts && apart(rival.pose.fit.X_NB, X_NB));
   }
@@ -157,8 +173,8 @@ void PoseDoubt::look(const Camera& camera, const Constellation& leds, bool use_c
 const OtherPose* PoseDoubt::better() const {
   const Rival* best = nullptr;
   for (const Rival& rival : rivals_) {
-    if (rival.evidence < config_.refuted || rival.pictures < kPictures) continue;
-    if (best == nullptr || rival.evidence > best->evidence) best = &rival;
+    if (rival.for_it() < config_.refuted || rival.pictures < kPictures) continue;
+    if (best == nullptr || rival.for_it() > best->for_it()) best = &rival;
   }
   return best == nullptr ? nullptr : &best->pose;
 }

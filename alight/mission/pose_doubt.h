@@ -1,4 +1,5 @@
 #pragma once
+#include "alight/mission/force_seen.h"
 #include "alight/mission/other_poses.h"
 
 namespace alight {
@@ -13,6 +14,9 @@ struct PoseDoubtConfig {
   double floor_px = 0.02;   ///< No light's place is known better.
   double apart_m = 0.1;     ///< Poses nearer than this
   double apart_deg = 10;    ///< and turned less are told for each other.
+  bool force = false;       ///< Where drones are pushed along z of B only (ForceSeen),
+  double across_sd = 1.7;   ///< but for as much by wind, m/s^2,
+  double across_most = 12;  ///< this speaks for and against a reading, so far at most.
 };
 
 /// Holds the pose that is followed by no more than four LEDs against what these lights
@@ -34,6 +38,12 @@ class PoseDoubt {
     sure_ = leds_of(seen);
   }
 
+  /// The drone has been followed to there; before be_sure() and look(). It need not be
+  /// told where N turns or accelerates.
+  void follow(Time t, const Pose& X_NB) {
+    if (config_.force) force_.add(t, X_NB);
+  }
+
   /// One picture more. @param seen  Each of one LED.
   void look(const Camera& camera, const Constellation& leds, bool use_color,
             const LedFinder& plausible, ObservationSpan seen, const Pose& X_NB);
@@ -49,20 +59,24 @@ class PoseDoubt {
     std::array<std::uint16_t, kMaxLeds> instead{};  ///< By LED; 0: not seen yet.
     OtherPose pose;
     double evidence = 0;
+    double leans = 0;  ///< What the way it would lean says for it.
     int pictures = 0;
     Vector3 p_NB_base = Vector3::Zero();  ///< Where the pose was then.
     bool mirrored = false;                ///< The same LEDs.
+    double for_it() const { return evidence + leans; }
   };
   bool follow(Rival& rival, const Camera& camera, const Constellation& leds,
               const LedFinder& plausible, ObservationSpan seen, const Pose& X_NB,
               double chi2);
   void add(const OtherPose& pose, ObservationSpan seen, const Pose& X_NB);
   double word(double chi2, double other_chi2) const;
+  double leans(const Pose& other, const Pose& X_NB) const;
   bool apart(const Pose& a, const Pose& b) const;
   static unsigned leds_of(ObservationSpan seen);
 
   PoseDoubtConfig config_;
   FixedVector<Rival, 12> rivals_;
+  ForceSeen force_;
   unsigned sure_ = 0;    ///< LEDs that are none other,
   unsigned looked_ = 0;  ///< and those that other readings were looked for with.
   bool open_ = false;

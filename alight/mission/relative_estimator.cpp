@@ -106,6 +106,7 @@ RelativeEstimatorConfig RelativeEstimatorConfig::camera_only() {
   config.search_lean_deg = 180;
   config.reach_m_s = 0;
   config.filter = RelativeFilterConfig::camera_only();
+  config.doubt.force = true;
   config.found_sd_m_s = 0.7;        // drones before a camera reach 1.8 m/s
   config.learn_led_errors = false;  // how far they are off, is to be learnt, too
   config.learn_leds = true;
@@ -597,7 +598,11 @@ bool RelativeEstimator::accept(const LedFrame& given, std::size_t agreeing,
 
 void RelativeEstimator::remember_fit(int leds, double rms_px) {
   fitted_leds_ = leds;
-  if (leds > kFewLeds) fitted_misfit_ = rms_px * lens_distance(filter_.state().p_NB);
+  if (leds <= kFewLeds) return;
+  // LEDs that are off misfit in every picture, what was taken for one in a single one.
+  const double misfit = rms_px * lens_distance(filter_.state().p_NB);
+  fitted_misfit_ = std::min(misfit, last_misfit_);
+  last_misfit_ = misfit;
 }
 
 // What the pose owes to LEDs that are not where the rig says changes as they leave the

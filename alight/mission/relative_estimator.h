@@ -315,7 +315,8 @@ class RelativeEstimator {
   // the rig says misfit by more pixels the nearer they are. 0: not known.
   double usual_misfit_ = 0, misfit_least_ = 0;
   double misfit_ = 0, fits_ = 0;       // as they were, and of how many
-  double fitted_misfit_ = 0;           // the same of the last fit,
+  double fitted_misfit_ = 0;           // the lesser one of the last two fits,
+  double last_misfit_ = 0;             // and that of the last,
   int fitted_leds_ = 0;                // which was to so many
   Vector3 lift_N_ = Vector3::UnitZ();  // where its thrust points
   PictureRepeat repeat_;

@@ -373,6 +373,7 @@ bool RelativeEstimator::contradicted(const CameraFrame& frame, FrameReport& out,
 void RelativeEstimator::doubt(FrameReport& out) {
   if (!config_.tell_apart || expecting_ || !out.tracked) return;
   const bool exact = out.reprojection_px <= config_.placed_sds * config_.placed_sd_px;
+  doubt_.follow(out.t, filter_.state().X_NB());
   if (no_doubt(out)) {
     doubt_.be_sure({seen_.data(), seen_.size()});
   } else {

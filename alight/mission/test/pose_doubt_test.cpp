@@ -174,5 +174,63 @@ TEST(PoseDoubt, LedsOnceKnownAreNotTakenForOthers) {
   }
 }
 
+/// A drone that hovers, four of its LEDs lit.
+struct Hovers {
+  Pass pass{3};
+  Pose X_NB = Pose::Identity();
+
+  FixedVector<LedObservation, kMaxLeds> see(Rng& rng) const {
+    FixedVector<LedObservation, kMaxLeds> seen;
+    for (const int led : {1, 2, 3, 4}) {  // all but flat
+      LedObservation o;
+      o.leds = static_cast<std::uint16_t>(1u << led);
+      o.uv = *project_led(pass.rig().camera, X_NB, pass.rig().leds.p_BL(led)) +
+             0.3 * Vector2(rng.normal(), rng.normal());
+      o.cov = 0.09 * Matrix2::Identity();
+      seen.push_back(o);
+    }
+    return seen;
+  }
+  /// Pictures, of 120, until another reading takes the place of this one.
+  int follow(PoseDoubt& doubt, const Pose& as) const {
+    Rng rng(5);
+    int k = 0;
+    for (; k < 120 && doubt.better() == nullptr; ++k) {
+      const auto seen = see(rng);
+      doubt.follow(from_seconds(k / 60.0), as);
+      pass.look(doubt, {seen.data(), seen.size()}, as);
+    }
+    return k;
+  }
+};
+
+TEST(PoseDoubt, AMirrorImageThatLeansOtherwiseThanItFliesIsRefuted) {
+  Hovers drone;
+  Rng rng(5);
+  int drones = 0, with = 0, without = 0;
+  for (int n = 0; n < 400 && drones < 12; ++n) {
+    drone.X_NB = make_pose(from_rpy(0, 0, rng.uniform(-40, 40) * kDegree),
+                           Vector3(-rng.uniform(1.8, 2.6), 0, rng.uniform(0.8, 2)));
+    const auto seen = drone.see(rng);
+    const auto mirrored = mirrored_pose(drone.pass.rig().camera, drone.pass.rig().leds,
+                                        {seen.data(), seen.size()}, drone.X_NB);
+    if (!mirrored || mirrored->rms_px > 0.3 ||
+        !drone.pass.finder().plausible(mirrored->X_NB) ||
+        std::acos(mirrored->X_NB.linear()(2, 2)) < 35 * kDegree) {
+      continue;
+    }
+    ++drones;
+    for (const bool force : {false, true}) {
+      PoseDoubt as_it_is({.force = force}), as_mirrored({.force = force});
+      (force ? with : without) += drone.follow(as_it_is, drone.X_NB) -
+                                  drone.follow(as_mirrored, mirrored->X_NB);
+    }
+  }
+  ASSERT_EQ(drones, 12);
+  // By so many pictures longer the true one stands.
+  EXPECT_GT(with, 12 * 60);
+  EXPECT_GT(with, without + 60);
+}
+
 }  // namespace
 }  // namespace alight
