@@ -37,11 +37,11 @@ constexpr double kSmooth = 1.8;
 // Out of sight, what is left of a smooth movement adds up instead of averaging out:
 // from then on the process noise grows, by as much again in each such time.
 constexpr Seconds kGoesOnAlike = 0.05, kTurnsElsewhere = 0.1;
-// Of two integrations of white noise observed in white noise, half the variance of the
-// velocity is the process's, however large either is (it goes with the square root of
-// both). Of drones little more than the other half is left where the filter averages
-// over less than they take to change their push, all where it averages over more:
-// measured on flights of both renderers, clean and hard.
+// Where the place is white noise integrated three times, and seen in white noise, half
+// the variance of the velocity is the process's, however large either is (it goes with
+// the square root of both). Of drones little more than the other half is left where the
+// filter averages over less than they take to change their push, all where it averages
+// over more: measured on Alight's own flights, clean and hard.
 constexpr double kVelocityLeast = 0.6;
 constexpr Seconds kPushesAlike = 0.15;
 constexpr double kPushesEnd = 2.5;  // exponent; how sudden the one becomes the other

@@ -43,12 +43,11 @@ double PoseDoubt::word(double chi2, double other_chi2) const {
   return config_.weight * std::log((2 + chi2) / (2 + other_chi2));
 }
 
-double PoseDoubt::leans(const Pose& other, const Pose& X_NB) const {
-  const auto own = force_.across(Matrix3::Identity());
+double PoseDoubt::leans(const Pose& other, const Pose& X_NB, double own_across) const {
   const auto its = force_.across(X_NB.linear().transpose() * other.linear());
-  if (!own || !its) return 0;
+  if (!its) return 0;
   const double more =
-      (*own * *own - *its * *its) / (config_.across_sd * config_.across_sd);
+      (own_across * own_across - *its * *its) / (config_.across_sd * config_.across_sd);
   return std::clamp(more / 2, -config_.across_most, config_.across_most);
 }
 
@@ -102,7 +101,6 @@ bool PoseDoubt::follow(Rival& rival, const Camera& camera, const Constellation& 
   rival.pose.fit = *fit;
   if (rival.mirrored && !apart(fit->X_NB, X_NB)) return false;
   ++rival.pictures;
-  rival.leans = leans(fit->X_NB, X_NB);
   rival.evidence =
       std::clamp(config_.remembers * rival.evidence + word(chi2, fit->chi2),
                  -kEvidenceMost, kEvidenceMost);
@@ -133,15 +131,17 @@ void PoseDoubt::look(const Camera& camera, const Constellation& leds, bool use_c
     own = refine_pose(camera, leds, seen, X_NB, nullptr, 0);
     if (!own) return;
   }
+  const double across = force_.across(Matrix3::Identity()).value_or(0);
   for (std::size_t n = rivals_.size(); n-- > 0;) {
     if (rivals_[n].evidence < kUnlikely && pictures_ % kUnlikelyEvery != 0) continue;
     if (!follow(rivals_[n], camera, leds, plausible, seen, X_NB, own->chi2)) {
       rivals_.erase(n);
+      continue;
     }
+    rivals_[n].leans = leans(rivals_[n].pose.fit.X_NB, X_NB, across);
   }
   ++pictures_;
   const double rms_max = std::max(kRms * own->rms_px, kRmsLeast_px);
-  const double across = force_.across(Matrix3::Identity()).value_or(0);
   const unsigned every =
       across > kAcrossSds * config_.across_sd ? kLookEveryInDoubt : kLookEvery;
   const bool looks =

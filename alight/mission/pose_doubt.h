@@ -70,7 +70,7 @@ class PoseDoubt {
               double chi2);
   void add(const OtherPose& pose, ObservationSpan seen, const Pose& X_NB);
   double word(double chi2, double other_chi2) const;
-  double leans(const Pose& other, const Pose& X_NB) const;
+  double leans(const Pose& other, const Pose& X_NB, double own_across) const;
   bool apart(const Pose& a, const Pose& b) const;
   static unsigned leds_of(ObservationSpan seen);
 

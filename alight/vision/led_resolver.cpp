@@ -354,6 +354,21 @@ void LedResolver::fit_all(Look& look, Patches& patches, Wanted&& wanted) const {
   }
 }
 
+template <class Wanted>
+LedResolver::Patches LedResolver::fitted(Look& look, Wanted&& wanted) const {
+  const auto expected = look.lights;
+  bool left_out = false;
+  Patches patches = this->patches(look.images, look.blobs, look.match, &left_out);
+  fit_all(look, patches, wanted);
+  const auto fails = [&](const Patch& p) { return wanted(p) && unexplained(p); };
+  if (left_out && std::any_of(patches.begin(), patches.end(), fails)) {
+    patches = this->patches(look.images, look.blobs, look.match, nullptr);
+    look.lights = expected;
+    fit_all(look, patches, wanted);
+  }
+  return patches;
+}
+
 void LedResolver::fit(Look& look, Patch& patch) const {
   const Assignment& match = look.match;
   const BlobSpan blobs = look.blobs;
@@ -540,22 +555,13 @@ void LedResolver::resolve(const ImageView& image, BlobSpan blobs,
                           LedFrame& frame) {
   const LedImages& images = detail.images;
   const Assignment& match = detail.match;
-  bool left_out = false;
-  Patches patches = this->patches(images, blobs, match, &left_out);
 
   // Patches with blobs first; what they say of the pose shows where to look for the
   // rest.
   bool all = true;
   const auto has_blob = [](const Patch& patch) { return patch.area_px > 0; };
   Look look = look_at(image, blobs, match, images, blur_px, 0);
-  fit_all(look, patches, has_blob);
-  if (left_out && std::any_of(patches.begin(), patches.end(), [&](const Patch& patch) {
-        return has_blob(patch) && unexplained(patch);
-      })) {
-    patches = this->patches(images, blobs, match, nullptr);
-    look.lights = look_at(image, blobs, match, images, blur_px, 0).lights;
-    fit_all(look, patches, has_blob);
-  }
+  Patches patches = fitted(look, has_blob);
   if (judged_ == 0) {
     // What the first picture tells of the camera's lights, it tells of its own, too.
     for (const Patch& patch : patches) learn_spread(patch);
@@ -710,19 +716,10 @@ std::optional<LedFrame> LedResolver::follow(const ImageView& image, BlobSpan blo
                               kLargestImage * median(areas.begin(), areas.end())) {
     return std::nullopt;
   }
-  bool left_out = false;
-  const auto any = [](const Patch&) { return true; };
-  Patches patches = this->patches(images, blobs, match, &left_out);
   LedFrame out;
   out.t = t;
   Look look = look_at(image, blobs, match, images, blur_px, 0);
-  fit_all(look, patches, any);
-  if (left_out && std::any_of(patches.begin(), patches.end(),
-                              [&](const Patch& p) { return unexplained(p); })) {
-    patches = this->patches(images, blobs, match, nullptr);
-    look.lights = look_at(image, blobs, match, images, blur_px, 0).lights;
-    fit_all(look, patches, any);
-  }
+  Patches patches = fitted(look, [](const Patch&) { return true; });
   compare_lights(look, patches, X_NB_predicted);
   for (Patch& patch : patches) {
     if (patch.fit) {

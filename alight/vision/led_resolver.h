@@ -103,6 +103,10 @@ class LedResolver {
   /// Fits the patches for which `wanted` holds, each without the light of the others.
   template <class Wanted>
   void fit_all(Look& look, Patches& patches, Wanted&& wanted) const;
+  /// The patches of a picture, those fitted for which `wanted` holds: without dead LEDs
+  /// unless that leaves one of them unexplained.
+  template <class Wanted>
+  Patches fitted(Look& look, Wanted&& wanted) const;
   void fit(Look& look, Patch& patch) const;
   /// Members of a fitted patch, a bit each, that have not been seen the last time and
   /// are not where those that have been say: what noise makes of a light beside them.
