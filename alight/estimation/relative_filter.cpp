@@ -56,6 +56,9 @@ constexpr double kLeftLeast = 0.1;  // of a residual's variance, whatever is com
 // may be carried.
 constexpr double kCarried = 2.75;
 constexpr double kCarriedFor = 60;  // pictures, less and less
+// Pictures in a row after which the way shows what pushes the drone, whatever way it
+// was supposed to lean at first.
+constexpr int kPushSeen = 6;
 // Beyond so many sd of all that it may be off by, an LED contradicts the others;
 constexpr double kMisfitSds = 2.5;
 constexpr double kPlainly = 0.6;     // share of the next best misfit without it
@@ -785,6 +788,14 @@ void RelativeFilter::learn_velocity() {
   in_a_row_ = between_s_ <= kGoesOnAlike ? in_a_row_ + 1 : 0;
   last_update_ = time_;
   ++updates_;
+}
+
+std::optional<Push> RelativeFilter::push() const {
+  if (config_.model != ProcessModel::hover || config_.noise.turn <= 0 ||
+      in_a_row_ < kPushSeen) {
+    return std::nullopt;
+  }
+  return Push{disturbance_N() + kGravity * state_.x.R_NB.col(2), P_.block<3, 3>(9, 9)};
 }
 
 Covariance9 RelativeFilter::as_flown() const {

@@ -1,12 +1,14 @@
 #pragma once
 #include <Eigen/Core>
 #include <algorithm>
+#include <optional>
 
 #include "alight/base/result.h"
 #include "alight/estimation/correction_trend.h"
 #include "alight/estimation/led_learner.h"
 #include "alight/estimation/map_update.h"
 #include "alight/estimation/motion_model.h"
+#include "alight/estimation/push.h"
 #include "alight/estimation/relative_filter_config.h"
 #include "alight/estimation/residual_watch.h"
 #include "alight/estimation/update_report.h"
@@ -124,6 +126,10 @@ class RelativeFilter {
   Vector3 disturbance_N() const {
     return config_.estimate_drag ? state_.d_N : state_.disturbance_N();
   }
+
+  /// What pushes the drone, as its way shows it: where pictures alone tell of it
+  /// (ProcessModel::hover with ProcessNoise::turn), once some in a row have.
+  std::optional<Push> push() const;
 
   /// Of state() against the truth: the filter's own and the share of the rig's constant
   /// errors (LEDs, mount, focal length), which stays however long one looks. Where it

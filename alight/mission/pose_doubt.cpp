@@ -20,6 +20,8 @@ constexpr double kEvidenceMost = 20;
 constexpr double kUnlikely = -6;
 constexpr unsigned kUnlikelyEvery = 8;
 constexpr int kSteps = 5;
+// Pictures in a row that show too few of a reading's lights to ask it.
+constexpr int kUnaskedMost = 16;
 // In which another reading must have held before it counts.
 constexpr int kPictures = 4;
 
@@ -43,11 +45,10 @@ double PoseDoubt::word(double chi2, double other_chi2) const {
   return config_.weight * std::log((2 + chi2) / (2 + other_chi2));
 }
 
-double PoseDoubt::leans(const Pose& other, const Pose& X_NB, double own_across) const {
-  const auto its = force_.across(X_NB.linear().transpose() * other.linear());
-  if (!its) return 0;
-  const double more =
-      (own_across * own_across - *its * *its) / (config_.across_sd * config_.across_sd);
+double PoseDoubt::leans(const Pose& other, const Pose& X_NB) const {
+  if (!push_) return 0;
+  const double more = push_->against(X_NB.linear().col(2), config_.across_sd) -
+                      push_->against(other.linear().col(2), config_.across_sd);
   return std::clamp(more / 2, -config_.across_most, config_.across_most);
 }
 
@@ -83,14 +84,25 @@ bool PoseDoubt::follow(Rival& rival, const Camera& camera, const Constellation& 
                        const Pose& X_NB, double chi2) {
   auto& lights = rival.pose.seen;
   lights.clear();
+  FixedVector<LedObservation, kMaxLeds> own;
   unsigned used = 0;
   for (const LedObservation& o : seen) {
     const std::uint16_t instead =
         rival.instead[static_cast<std::size_t>(std::countr_zero(o.leds))];
-    if (instead == 0 || (used & instead) != 0) return false;
+    if ((used & instead) != 0) return false;
+    if (instead == 0) continue;
     used |= instead;
+    own.push_back(o);
     lights.push_back(o);
     lights.back().leds = instead;
+  }
+  if (lights.size() < kFew) return ++rival.unasked < kUnaskedMost;
+  rival.unasked = 0;
+  if (lights.size() < seen.size()) {
+    const auto fit =
+        refine_pose(camera, leds, {own.data(), own.size()}, X_NB, nullptr, kSteps);
+    if (!fit) return false;
+    chi2 = fit->chi2;
   }
   Pose X_NB_0 = rival.pose.fit.X_NB;
   X_NB_0.translation() += X_NB.translation() - rival.p_NB_base;
@@ -131,14 +143,14 @@ void PoseDoubt::look(const Camera& camera, const Constellation& leds, bool use_c
     own = refine_pose(camera, leds, seen, X_NB, nullptr, 0);
     if (!own) return;
   }
-  const double across = force_.across(Matrix3::Identity()).value_or(0);
+  const double across = push_ ? push_->across(X_NB.linear().col(2)) : 0;
   for (std::size_t n = rivals_.size(); n-- > 0;) {
     if (rivals_[n].evidence < kUnlikely && pictures_ % kUnlikelyEvery != 0) continue;
     if (!follow(rivals_[n], camera, leds, plausible, seen, X_NB, own->chi2)) {
       rivals_.erase(n);
       continue;
     }
-    rivals_[n].leans = leans(rivals_[n].pose.fit.X_NB, X_NB, across);
+    rivals_[n].leans = leans(rivals_[n].pose.fit.X_NB, X_NB);
   }
   ++pictures_;
   const double rms_max = std::max(kRms * own->rms_px, kRmsLeast_px);

@@ -1,5 +1,7 @@
 #pragma once
-#include "alight/mission/force_seen.h"
+#include <optional>
+
+#include "alight/estimation/push.h"
 #include "alight/mission/other_poses.h"
 
 namespace alight {
@@ -14,9 +16,8 @@ struct PoseDoubtConfig {
   double floor_px = 0.02;   ///< No light's place is known better.
   double apart_m = 0.1;     ///< Poses nearer than this
   double apart_deg = 10;    ///< and turned less are told for each other.
-  bool force = false;       ///< Where drones are pushed along z of B only (ForceSeen),
-  double across_sd = 1.7;   ///< but for as much by wind, m/s^2,
-  double across_most = 12;  ///< this speaks for and against a reading, so far at most.
+  double across_sd = 1.7;   ///< Wind pushes drones across by so much, m/s^2;
+  double across_most = 12;  ///< how one leans speaks so far at most.
 };
 
 /// Holds the pose that is followed by no more than four LEDs against what these lights
@@ -38,11 +39,9 @@ class PoseDoubt {
     sure_ = leds_of(seen);
   }
 
-  /// The drone has been followed to there; before be_sure() and look(). It need not be
-  /// told where N turns or accelerates.
-  void follow(Time t, const Pose& X_NB) {
-    if (config_.force) force_.add(t, X_NB);
-  }
+  /// What pushes the drone, if that is known, besides how the pose leans; before
+  /// look(), which it holds for.
+  void feel(const std::optional<Push>& push) { push_ = push; }
 
   /// One picture more. @param seen  Each of one LED.
   void look(const Camera& camera, const Constellation& leds, bool use_color,
@@ -61,6 +60,7 @@ class PoseDoubt {
     double evidence = 0;
     double leans = 0;  ///< What the way it would lean says for it.
     int pictures = 0;
+    int unasked = 0;  ///< Pictures in a row that showed too few of its lights.
     Vector3 p_NB_base = Vector3::Zero();  ///< Where the pose was then.
     bool mirrored = false;                ///< The same LEDs.
     double for_it() const { return evidence + leans; }
@@ -70,13 +70,13 @@ class PoseDoubt {
               double chi2);
   void add(const OtherPose& pose, ObservationSpan seen, const Pose& X_NB);
   double word(double chi2, double other_chi2) const;
-  double leans(const Pose& other, const Pose& X_NB, double own_across) const;
+  double leans(const Pose& other, const Pose& X_NB) const;
   bool apart(const Pose& a, const Pose& b) const;
   static unsigned leds_of(ObservationSpan seen);
 
   PoseDoubtConfig config_;
   FixedVector<Rival, 12> rivals_;
-  ForceSeen force_;
+  std::optional<Push> push_;
   unsigned sure_ = 0;    ///< LEDs that are none other,
   unsigned looked_ = 0;  ///< and those that other readings were looked for with.
   bool open_ = false;

@@ -106,7 +106,6 @@ RelativeEstimatorConfig RelativeEstimatorConfig::camera_only() {
   config.search_lean_deg = 180;
   config.reach_m_s = 0;
   config.filter = RelativeFilterConfig::camera_only();
-  config.doubt.force = true;
   config.found_sd_m_s = 0.7;        // drones before a camera reach 1.8 m/s
   config.learn_led_errors = false;  // how far they are off, is to be learnt, too
   config.learn_leds = true;

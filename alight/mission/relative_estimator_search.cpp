@@ -288,6 +288,8 @@ void RelativeEstimator::go_on_from(const FoundLeds& found, Time t, FrameReport& 
       (filter_.state().p_NB - x.p_NB).norm() < config_.search_gate_m) {
     x.v_NB = filter_.state().v_NB;
     d_N = filter_.motion_state().d_N;
+    // What pushes it does so however it leans.
+    if (filter_.push()) d_N += kGravity * (filter_.state().R_NB - x.R_NB).col(2);
     b_N = filter_.motion_state().b_N;
     velocity_sd = std::max(0.3, 2 * filter_.velocity_sd());
   }
@@ -373,7 +375,7 @@ bool RelativeEstimator::contradicted(const CameraFrame& frame, FrameReport& out,
 void RelativeEstimator::doubt(FrameReport& out) {
   if (!config_.tell_apart || expecting_ || !out.tracked) return;
   const bool exact = out.reprojection_px <= config_.placed_sds * config_.placed_sd_px;
-  doubt_.follow(out.t, filter_.state().X_NB());
+  doubt_.feel(filter_.push());
   if (no_doubt(out)) {
     doubt_.be_sure({seen_.data(), seen_.size()});
   } else {
@@ -388,6 +390,8 @@ void RelativeEstimator::doubt(FrameReport& out) {
   found.frame.seen = better->seen;
   found.fit = better->fit;
   go_on_from(found, out.t, out);
+  // The same lights as before, by another reading: no lamps far from the drone.
+  found_again_ = false;
 }
 
 void RelativeEstimator::place_by_pixels(const CameraFrame& frame, BlobSpan blobs,

@@ -638,6 +638,42 @@ TEST(RelativeFilter, TellsTheVelocityAsSmoothFlightsLeaveIt) {
   EXPECT_NEAR(known.second, 1, 1e-9);
 }
 
+TEST(RelativeFilter, ItsWayShowsWhatPushesTheDroneHoweverItLeans) {
+  const Rig rig = alan_rig();
+  for (const bool alone : {true, false}) {
+    const RelativeFilterConfig config =
+        alone ? RelativeFilterConfig::camera_only() : RelativeFilterConfig{};
+    for (const double lean_deg : {0.0, 25.0, 45.0}) {
+      RelativeFilter filter =
+          RelativeFilter::create(config, rig.camera, rig.leds).value();
+      // It rests in the air, held by something: no rotors push it.
+      RelativeState truth;
+      truth.p_NB = Vector3(-1.3, 0.1, 0.5);
+      truth.R_NB = from_rpy(lean_deg * kDegree, 0, 0.2);
+      filter.reset(0, truth, start_covariance());
+      Rng rng(3);
+      for (int k = 1; k <= 20; ++k) {
+        const Time t = from_seconds(k / 60.0);
+        ASSERT_TRUE(filter.predict_to(t, {}));
+        ASSERT_TRUE(
+            filter.update(picture(rig.camera, rig.leds, truth.X_NB(), t, 0.05, rng)));
+        if (k < 5 || !alone) {
+          EXPECT_FALSE(filter.push());
+        } else if (k > 12) {
+          ASSERT_TRUE(filter.push());
+          const Vector3 off_N = filter.push()->f_N - Vector3(0, 0, kGravity);
+          const Vector3 z_N = truth.R_NB.col(2);
+          EXPECT_LT((off_N - off_N.dot(z_N) * z_N).norm(), 1.5) << lean_deg << " " << k;
+          EXPECT_NEAR(filter.push()->across(z_N),
+                      kGravity * std::sin(lean_deg * kDegree), 1.5);
+        }
+      }
+      filter.reset(from_seconds(1), truth, start_covariance());
+      EXPECT_FALSE(filter.push());
+    }
+  }
+}
+
 struct DragFlight {
   double speed_rms = 0, speed_nees = 0;
   Vector3 drag_N = Vector3::Zero();

@@ -187,6 +187,59 @@ TEST(LedResolver, ADeadLedIsNotMadeOfItsNeighboursLight) {
   EXPECT_GE(came_back, 0.6 * runs);
 }
 
+TEST(LedResolver, ADimLedIsSeenBesideADeadOne) {
+  Rng rng(14);
+  const Rig rig = alan_rig();
+  int runs = 0, followed = 0, dim_seen = 0, ghosts = 0;
+  while (runs < 40) {
+    Rng same = rng;
+    const Pose X_NB = test::random_pose(rig, same, 1.8, 2.6);
+    std::vector<Vector2> uv;
+    for (const Led& led : rig.leds.leds) {
+      uv.push_back(*project_led(rig.camera, X_NB, led.p_BL));
+    }
+    // The dead one comes first in some of the pairs.
+    const std::size_t dim = static_cast<std::size_t>(runs) % 6;
+    std::size_t dead = dim == 0 ? 1 : 0;
+    for (std::size_t i = 0; i < uv.size(); ++i) {
+      if (i != dim && (uv[i] - uv[dim]).norm() < (uv[dead] - uv[dim]).norm()) dead = i;
+    }
+    bool alone = (uv[dead] - uv[dim]).norm() < 3.5;
+    for (std::size_t i = 0; i < uv.size(); ++i) {
+      if (i == dead || i == dim) continue;
+      alone = alone && (uv[i] - uv[dim]).norm() > 7 && (uv[i] - uv[dead]).norm() > 7;
+    }
+    if (!alone) {
+      rng = same;
+      continue;
+    }
+    ++runs;
+    Scene scene(rng, 1.8, 2.6, 0x3f);
+    for (std::size_t i = 0; i < uv.size(); ++i) {
+      if (i == dead) continue;
+      const double peak = i == dim ? 45 : 140;
+      scene.picture.add(uv[i], rig.leds.color(static_cast<int>(i)), peak, 0.9);
+    }
+    scene.picture.expose(rng);
+    LedResolver resolver = scene.resolver();
+    for (int k = 0; k < 40; ++k) {
+      if (k >= 36) scene.picture.expose(rng);
+      const auto frame =
+          resolver.follow(scene.picture.view(), scene.blobs(), scene.predicted(rng),
+                          2.5, {scene.still.data(), scene.still.size()}, k);
+      if (!frame || (k > 0 && k < 36)) continue;
+      ++followed;
+      for (const LedObservation& o : frame->seen) {
+        dim_seen += o.leds == (1u << dim) && scene.error_px(o) < 0.5;
+        ghosts += o.leds == (1u << dead);
+      }
+    }
+  }
+  EXPECT_GE(followed, 0.9 * 5 * runs);
+  EXPECT_GE(dim_seen, 0.9 * followed);
+  EXPECT_LE(ghosts, 0.1 * followed);
+}
+
 // Behind the edge of what covers part of the picture.
 TEST(LedResolver, AnLedThatIsHalfCoveredSaysHowVaguelyItIsPlaced) {
   Rng rng(5);
