@@ -27,7 +27,8 @@ constexpr double kJumpPx = 1;
 constexpr Seconds kLongUnseen = 0.15;
 // Standard deviation of the place from which a prediction does not tell LEDs from
 // lamps.
-constexpr double kVaguePlace_m = 0.15;
+constexpr double kVaguePlace_m = 0.15, kClosePlace_m = 0.02;
+constexpr double kAround_px = 15;
 // A velocity of longer ago says little of what the drone does by now.
 constexpr Time kReckonedBack = 250'000'000;  // ns
 // Pictures in a row in which one LED contradicts the others and is not believed.
@@ -66,9 +67,9 @@ Result<void> RelativeEstimatorConfig::validate() const {
   if (!(reach_m >= 0 && reach_m_s >= 0)) {
     return fail(Fault::invalid_config, "reach_m and reach_m_s must not be negative");
   }
-  if (!(told_sd_m >= 0 && told_sd_deg >= 0)) {
+  if (!(told_sd_m >= 0 && told_sd_deg >= 0 && coast_s >= 0)) {
     return fail(Fault::invalid_config,
-                "told_sd_m and told_sd_deg must not be negative");
+                "told_sd_m, told_sd_deg and coast_s must not be negative");
   }
   if (!(reckoned_sd_m_s > 0 && found_sd_m_s > 0)) {
     return fail(Fault::invalid_config,
@@ -111,6 +112,7 @@ RelativeEstimatorConfig RelativeEstimatorConfig::camera_only() {
   config.learn_leds = true;
   config.tell_led_frame = true;
   // Three of them lie within the limits of a wrong pose, 0.15 m and 15 deg.
+  config.coast_s = 0.15;  // lamps hide a drone that passes them for as long
   config.told_sd_m = 0.05;
   config.told_sd_deg = 5;
   config.learn_leds_from_m = 0.0008;  // what noise may feign, seen from 3 m, is less
@@ -272,7 +274,12 @@ bool RelativeEstimator::fuse(const CameraFrame& given, const MotionSource& motio
     search(frame, motion, out, probe);
   }
   if (!frozen_) shift_back(frame.captured, motion);
-  if (out.tracked) last_sight_ = frame.captured;
+  if (out.tracked) {
+    last_sight_ = frame.captured;
+  } else if (coasts(frame.captured)) {
+    out.tracked = true;
+    out.why_not = "";
+  }
   if (out.tracked && doubt_.open()) {
     out.tracked = false;
     out.why_not = "two poses explain the pictures";
@@ -302,6 +309,11 @@ bool RelativeEstimator::fuse(const CameraFrame& given, const MotionSource& motio
 
 bool RelativeEstimator::unseen_for_long(Time t) const {
   return to_seconds(t - last_sight_) > kLongUnseen;
+}
+
+bool RelativeEstimator::coasts(Time t) const {
+  return to_seconds(t - last_sight_) < config_.coast_s && filter_.initialized() &&
+         !frozen_ && !expecting_ && !fresh_ && well_known();
 }
 
 bool RelativeEstimator::missed(Time t) const {
@@ -427,11 +439,14 @@ bool RelativeEstimator::follow_among(BlobSpan blobs, const CameraFrame& frame,
     }
   }
   std::optional<LedFrame> held;
+  bool hidden = false;
   if (config_.tell_apart) {
     const ProbeScope scope(probe, Stage::associate);
     held = resolver_.hold(frame.color, blobs, X_NB, cov,
                           3 * usual_rms_px(X_NB.translation()),
                           {blur.data(), blur.size()}, frame.captured);
+    hidden = filter_.position_sd() < kClosePlace_m && held->seen.empty() &&
+             among_lamps(*held, X_NB);
     if (held->seen.size() < needed) held.reset();
   }
   const auto accept_held = [&] {
@@ -461,6 +476,11 @@ bool RelativeEstimator::follow_among(BlobSpan blobs, const CameraFrame& frame,
       resolver_.resolve(frame.color, blobs, detail, {blur.data(), blur.size()}, leds);
     }
   }
+  // What the tracker sees of so few is made of the lamps that hide them.
+  if (hidden && leds.seen.size() < PoseDoubt::kFew - 1) {
+    out.why_not = "no LED where one is expected";
+    return false;
+  }
   if (held && held->seen.size() >= leds.seen.size()) {
     const bool enough = accept_held();
     if (enough || filter_.last_update() == frame.captured) return enough;
@@ -472,6 +492,14 @@ bool RelativeEstimator::follow_among(BlobSpan blobs, const CameraFrame& frame,
   }
   if (missed || accept(leds, 0, rms_max, out, probe)) return true;
   return filter_.last_update() != frame.captured && accept_held();
+}
+
+bool RelativeEstimator::among_lamps(const LedFrame& seen, const Pose& X_NB) const {
+  const LedImages images = led_images(camera_, leds_, X_NB);
+  const auto near = [&](const RefusedBlob& blob) {
+    return (blob.uv - images.middle).norm() < images.size_px + kAround_px;
+  };
+  return std::any_of(seen.refused.begin(), seen.refused.end(), near);
 }
 
 double RelativeEstimator::lens_distance(const Vector3& p_NB) const {

@@ -63,6 +63,8 @@ struct RelativeEstimatorConfig {
   double reckoned_sd_m_s = 0.3;  ///< Of a velocity that the autopilot tells, each time:
                                  ///< its errors last for many of them.
   bool tell_led_frame = false;   ///< The rig's `led_frame` counts in what is told.
+  double coast_s = 0;            ///< So long a pose that is known well goes on being
+                                 ///< told where pictures show too little of it.
   double told_sd_m = 0;          ///< A pose that is less well known (sd) in some
   double told_sd_deg = 0;        ///< direction, with what LEDs do to it that may be
                                  ///< off, is not told. 0: all are.
@@ -186,6 +188,10 @@ class RelativeEstimator {
   bool unseen_for_long(Time t) const;
   /// The LEDs were lost before the picture of `t`.
   bool missed(Time t) const;
+  /// Whether what has been told until just now goes on being known.
+  bool coasts(Time t) const;
+  /// Lights that are none of the LEDs stand about where X_NB has these.
+  bool among_lamps(const LedFrame& seen, const Pose& X_NB) const;
   /// So few LEDs seen again may be lamps, until pictures in a row show them.
   bool to_be_confirmed() const;
   /// The last picture shows enough LEDs, as they were expected and nothing before them.

@@ -116,6 +116,10 @@ bool runs_on(const Blob& blob, const Vector2& blur_px) {
   return 2 * half > std::max((kLongest - 1) * narrow, kLongLeast);
 }
 
+bool is_used(const Assignment& match, int blob) {
+  return std::find(match.blob.begin(), match.blob.end(), blob) != match.blob.end();
+}
+
 RefusedBlob unmatched(const Blob& blob) {
   return {blob.uv, blob.stray ? Refusal::stray : Refusal::no_led_near};
 }
@@ -389,9 +393,7 @@ void LedResolver::fit(Look& look, Patch& patch) const {
   FixedVector<ForeignLight, 32> foreign;
   for (std::size_t j = 0; j < blobs.size(); ++j) {
     if ((blobs[j].uv - sought[0].uv).cwiseAbs().maxCoeff() > kForeignReach) continue;
-    const bool used = std::find(match.blob.begin(), match.blob.end(),
-                                static_cast<int>(j)) != match.blob.end();
-    if (used) continue;
+    if (is_used(match, static_cast<int>(j))) continue;
     foreign.push_back(foreign_light(blobs[j], look.margin_px));
   }
   FixedVector<LightBeside, kMaxLeds> beside;
@@ -754,10 +756,7 @@ std::optional<LedFrame> LedResolver::follow(const ImageView& image, BlobSpan blo
   if (out.seen.size() < 4 || (lit_ & ~lit) != 0) return std::nullopt;
   const double around = images.size_px + kStrangerReach;
   for (std::size_t j = 0; j < blobs.size(); ++j) {
-    if (std::find(match.blob.begin(), match.blob.end(), static_cast<int>(j)) !=
-        match.blob.end()) {
-      continue;
-    }
+    if (is_used(match, static_cast<int>(j))) continue;
     // It may be the LED that is missing.
     const double d = (blobs[j].uv - images.middle).norm();
     if (out.seen.size() < static_cast<std::size_t>(leds_.size()) && d < around &&
@@ -875,8 +874,7 @@ LedFrame LedResolver::hold(const ImageView& image, BlobSpan blobs,
     }
   }
   for (std::size_t j = 0; j < blobs.size(); ++j) {
-    if (std::find(match.blob.begin(), match.blob.end(), static_cast<int>(j)) ==
-        match.blob.end()) {
+    if (!is_used(match, static_cast<int>(j))) {
       out.refused.push_back(unmatched(blobs[j]));
     }
   }

@@ -233,6 +233,35 @@ TEST(RelativeEstimator, WithoutPicturesItForgetsInTheEndAndFindsAgain) {
   EXPECT_LT(w.position_error(), 0.02);
 }
 
+TEST(RelativeEstimator, APoseThatIsKnownWellIsToldAMomentLonger) {
+  RelativeEstimatorConfig config = RelativeEstimatorConfig::camera_only();
+  for (const int pictures : {1, 90}) {
+    Watch w(config);
+    w.follow(pictures);
+    const Time last_sight = w.now;
+    double sd = 0;
+    for (int k = 1; k < 20; ++k) {
+      w.miss(1);
+      EXPECT_EQ(w.estimator.last_sight(), last_sight);
+      // By one picture its speed is not known.
+      const bool known = pictures > 1 && k / 60.0 < config.coast_s;
+      ASSERT_EQ(w.report.tracked, known) << k;
+      if (!known) continue;
+      EXPECT_TRUE(w.report.leds.empty());
+      EXPECT_STREQ(w.report.why_not, "");
+      EXPECT_LT(w.position_error(), 0.01);
+      EXPECT_LT(w.rotation_error_deg(), 2);
+      const double now = std::sqrt(w.report.cov.topLeftCorner<3, 3>().trace());
+      EXPECT_GT(now, sd);
+      sd = now;
+    }
+    w.now += kFrame;
+    ASSERT_TRUE(w.look(w.now));
+    EXPECT_TRUE(w.report.tracked) << w.report.why_not;
+    EXPECT_LT(w.position_error(), 0.01);
+  }
+}
+
 TEST(RelativeEstimator, SameCallsSameBits) {
   Watch a, b;
   for (int i = 0; i < 60; ++i) {

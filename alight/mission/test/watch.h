@@ -84,8 +84,11 @@ struct Watch {
         estimator(RelativeEstimator::create(config, rig_in).value()),
         picture(rig_in.camera.intrinsics) {}
 
+  /// What is told is what is seen.
   static RelativeEstimatorConfig config_for_tests() {
-    return RelativeEstimatorConfig::camera_only();
+    RelativeEstimatorConfig config = RelativeEstimatorConfig::camera_only();
+    config.coast_s = 0;
+    return config;
   }
 
   /// A drone that sways slowly about a place of the approach, upright.
