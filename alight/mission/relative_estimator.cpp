@@ -28,7 +28,7 @@ constexpr Seconds kLongUnseen = 0.15;
 // Standard deviation of the place from which a prediction does not tell LEDs from
 // lamps.
 constexpr double kVaguePlace_m = 0.15, kClosePlace_m = 0.02;
-constexpr double kAround_px = 15;
+constexpr double kAround_px = 15;  // of the LEDs, where lamps may hide them
 // A velocity of longer ago says little of what the drone does by now.
 constexpr Time kReckonedBack = 250'000'000;  // ns
 // Pictures in a row in which one LED contradicts the others and is not believed.
