@@ -26,7 +26,7 @@ constexpr double kJumpPx = 1;
 // prediction has it.
 constexpr Seconds kLongUnseen = 0.15;
 // Standard deviation of the place from which a prediction does not tell LEDs from
-// lamps.
+// lamps, and of one up to which what is not there is not elsewhere but hidden.
 constexpr double kVaguePlace_m = 0.15, kClosePlace_m = 0.02;
 constexpr double kAround_px = 15;  // of the LEDs, where lamps may hide them
 // A velocity of longer ago says little of what the drone does by now.
@@ -477,7 +477,7 @@ bool RelativeEstimator::follow_among(BlobSpan blobs, const CameraFrame& frame,
     }
   }
   // What the tracker sees of so few is made of the lamps that hide them.
-  if (hidden && leds.seen.size() < PoseDoubt::kFew - 1) {
+  if (hidden && leds.seen.size() < 3) {
     out.why_not = "no LED where one is expected";
     return false;
   }

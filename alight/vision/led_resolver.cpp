@@ -412,20 +412,20 @@ void LedResolver::fit(Look& look, Patch& patch) const {
                          {foreign.data(), foreign.size()},
                          {beside.data(), beside.size()}, &patch.unlike);
   if (!found) return;
-  unsigned feigned = 0;
+  unsigned too_dim = 0;
   if (patch.area_px == 0) {
     const double least = kDimLeast * std::sqrt(spread_.noise_variance / kNoiseUsual);
     for (std::size_t k = 0; k < sought.size(); ++k) {
       if (found->height[k] < least ||
           (found->uv[k] - sought[k].uv).norm() > config_.dim_reach_px) {
-        feigned |= 1u << k;
+        too_dim |= 1u << k;
       }
     }
-    if (feigned == (1u << sought.size()) - 1) return;
+    if (too_dim == (1u << sought.size()) - 1) return;
   }
   if (patch.fit && found->chi2_per_pixel > patch.fit->chi2_per_pixel) return;
   patch.fit = found;
-  patch.feigned = feigned | this->feigned(patch, {sought.data(), sought.size()});
+  patch.feigned = too_dim | feigned(patch, {sought.data(), sought.size()});
   for (std::size_t k = 0; k < patch.members.size(); ++k) {
     const auto n = static_cast<std::size_t>(patch.members[k]);
     look.lights[n] = {found->uv[k], found->height[k], sought[k].color};
