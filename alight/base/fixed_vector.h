@@ -25,6 +25,12 @@ class FixedVector {
     return true;
   }
   void clear() { size_ = 0; }
+  /// As many of the items as there is room for. @pre none of them is its own.
+  template <class It>
+  void assign(It first, It last) {
+    clear();
+    while (first != last && push_back(*first)) ++first;
+  }
   /// @pre count <= size().
   void truncate(std::size_t count) {
     assert(count <= size_);

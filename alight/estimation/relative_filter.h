@@ -121,6 +121,7 @@ class RelativeFilter {
   /// When a picture was fused the last time; of use once one has been since reset().
   Time last_update() const { return last_update_; }
   const RelativeState& state() const { return state_.x; }
+  const Constellation& leds() const { return leds_; }
   const MotionState& motion_state() const { return state_; }
   /// Acceleration the inputs do not explain, d + b, in N, m/s^2; drag left out.
   Vector3 disturbance_N() const {

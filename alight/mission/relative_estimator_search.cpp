@@ -5,6 +5,7 @@
 
 #include "alight/mission/relative_estimator.h"
 #include "alight/vision/blobs_apart.h"
+#include "alight/vision/lights_fitted.h"
 
 namespace alight {
 namespace {
@@ -70,23 +71,31 @@ void RelativeEstimator::search(const CameraFrame& frame, const MotionSource& mot
     const ProbeScope scope(probe, Stage::associate);
     const bool at_rest = expecting_ && !filter_.initialized();
     if (at_rest && start_at_rest(*blobs, frame.captured, leds_.size(), out)) return;
-    found = finder_.find(*blobs, frame.captured);
-    if (found && config_.tell_apart) place_by_pixels(frame, *blobs, *found);
+    const auto find_in = [&](BlobSpan lights) {
+      auto in = finder_.find(lights, frame.captured);
+      if (in && config_.tell_apart) place_by_pixels(frame, lights, *in);
+      return in;
+    };
+    found = find_in(*blobs);
     if (!beyond_doubt(found) && config_.blobs.dim_threshold > 0) {
       // LEDs may be too dim to stand out as what is bright does.
-      apart_.clear();
-      for (const Blob& blob : *blobs) apart_.push_back(blob);
+      apart_.assign(blobs->begin(), blobs->end());
       const auto dim =
           detector_.detect(frame.color, frame.depth, {}, BlobDetector::LookFor::dim);
       if (dim) {
         take_apart(*dim, apart_);
         blobs = BlobSpan(apart_.data(), apart_.size());
-        auto again = finder_.find(*blobs, frame.captured);
-        if (again && config_.tell_apart) place_by_pixels(frame, *blobs, *again);
-        found = better(found, again);
+        found = better(found, find_in(*blobs));
       } else {
         blobs = detector_.detect(frame.color, frame.depth);
       }
+    }
+    if (config_.tell_apart && !at_rest && !beyond_doubt(found)) {
+      // LEDs that run together are as many lights, and a light of its own is one LED.
+      if (blobs->data() != apart_.data()) apart_.assign(blobs->begin(), blobs->end());
+      const int more = fit_lights(frame.color, resolver_.spread(), detector_, apart_);
+      blobs = BlobSpan(apart_.data(), apart_.size());
+      if (more > 0) found = better(found, find_in(*blobs));
     }
     // Near the lens LEDs that are off fit no better where they are than moved on by
     // one: of a drone that stands where it should, the way it stands tells which is
@@ -399,7 +408,8 @@ void RelativeEstimator::place_by_pixels(const CameraFrame& frame, BlobSpan blobs
   TrackDetail detail;
   LedFrame leds =
       tracker_.track(blobs, found.fit.X_NB, 4 * found.fit.cov, frame.captured, &detail);
-  if (leds.led_count() < found.frame.led_count()) return;
+  const bool fewer = leds.led_count() < found.frame.led_count();
+  if (leds.seen.size() < found.frame.seen.size()) return;
   FixedVector<Vector2, kMaxLeds> still;  // its speed is not known yet
   for (int i = 0; i < leds_.size(); ++i) still.push_back(Vector2::Zero());
   resolver_.resolve(frame.color, blobs, detail, {still.data(), still.size()}, leds);
@@ -411,6 +421,9 @@ void RelativeEstimator::place_by_pixels(const CameraFrame& frame, BlobSpan blobs
                     config_.placed_within_deg * kDegree)) {
     return;
   }
+  // That an LED shares its blob with another is a guess, which explains one more, but
+  // must not fit worse.
+  if (fewer && fit->rms_px > found.fit.rms_px) return;
   found.frame = leds;
   found.fit = *fit;
 }

@@ -9,10 +9,13 @@
 namespace alight {
 namespace {
 
-constexpr double kMost_chi2 = 9;     // that one blob says for or against a pose
-constexpr double kMissing = 6;       // cost of an LED that is not seen
-constexpr double kStill_px = 1;      // sd of how a light that stands still is seen
-constexpr double kExact_px = 0.3;    // sd by which LEDs as written leave their places
+constexpr double kMost_chi2 = 9;    // that one blob says for or against a pose
+constexpr double kUnexplained = 6;  // cost of a light that is none of its LEDs,
+constexpr double kMissing = 1;      // and of an LED: what is dead is so all the time
+constexpr double kStill_px = 1;     // sd of how a light that stands still is seen
+constexpr double kFloor_px = 0.02;  // no light's place is known better
+constexpr double kNoFit = 1000;     // chi2 of lights that no pose fits
+constexpr int kSteps = 5;
 constexpr double kShift_px = 12;     // farthest that lamps move between two pictures
 constexpr std::size_t kCrowd = 12;   // lights from which on they tell how lamps move
 constexpr double kVelocitySd = 1.5;  // m/s, of a pose just found
@@ -52,6 +55,18 @@ void RivalPoses::remember(BlobSpan blobs) {
   for (const Blob& blob : blobs) before_.push_back(blob.uv);
 }
 
+double RivalPoses::cost_of(const RelativeFilter& filter, const LedFrame& frame) const {
+  FixedVector<LedObservation, kMaxLeds> seen = frame.seen;
+  for (LedObservation& o : seen) o.cov += kFloor_px * kFloor_px * Matrix2::Identity();
+  // By a fit of its own: a filter that has learnt to expect misfits forgives them.
+  const auto fit = refine_pose(camera_, filter.leds(), {seen.data(), seen.size()},
+                               filter.state().X_NB(), nullptr, kSteps);
+  const auto lights = static_cast<double>(seen.size());
+  const double misfit = std::log1p((fit ? fit->chi2 : kNoFit) / 2);
+  return std::max(lights - 3, 0.0) * misfit - kUnexplained * lights -
+         kMissing * (frame.led_count() - lights);
+}
+
 void RivalPoses::follow(Rival& rival, BlobSpan blobs, Time t, const LedTracker& tracker,
                         const MotionSource& motion, Time step) {
   RelativeFilter& filter = rival.filter;
@@ -71,7 +86,6 @@ void RivalPoses::follow(Rival& rival, BlobSpan blobs, Time t, const LedTracker& 
     if (explained) {
       rival.rms_px = report->reprojection_px;
       const Vector2 shift = common_shift(blobs);
-      int leds = 0;
       for (const ObservationReport& seen : report->seen) {
         // The same place in the last picture, where a light that stands still was.
         double still = kMost_chi2;
@@ -79,28 +93,33 @@ void RivalPoses::follow(Rival& rival, BlobSpan blobs, Time t, const LedTracker& 
           const double d2 = (seen.uv - shift - uv).squaredNorm();
           still = std::min(still, d2 / (kStill_px * kStill_px));
         }
-        const double nis = std::min(seen.nis, kMost_chi2);
-        // A filter that has learnt to expect misfits forgives them.
-        const double off2 = seen.residual_px.squaredNorm();
-        score += nis - still + std::min(off2 / (kExact_px * kExact_px), kMost_chi2);
-        moved += still - nis;
-        leds += __builtin_popcount(seen.leds);
+        score -= still;
+        moved += still - std::min(seen.nis, kMost_chi2);
       }
-      score -= kMissing * leds;
+      rival.fit = cost_of(filter, rival.seen);
+      score += rival.fit;
     }
   }
   if (!explained) {
     if (++rival.misses > config_.misses_max) rival.alive = false;
-    rival.score += kMissing;
+    // As many lights may be its LEDs as the last time, if it can but tell them apart.
+    rival.score = config_.remembers * rival.score + rival.last + kUnexplained;
     return;
   }
   rival.misses = 0;
   ++rival.pictures;
+  rival.last = score;
   rival.score = config_.remembers * rival.score + score;
   rival.moved = config_.remembers * rival.moved + moved;
+  const auto push = filter.push();
+  rival.leans =
+      push ? std::min(push->against(filter.state().R_NB.col(2), config_.across_sd),
+                      config_.leans_most)
+           : 0;
 }
 
-void RivalPoses::add(const LedRival& fresh, Time t) {
+void RivalPoses::add(const LedRival& fresh, BlobSpan blobs, Time t,
+                     const LedTracker& tracker) {
   Rival* place = nullptr;
   for (Rival& rival : rivals_) {
     if (rival.alive && alike(rival.filter.state().X_NB(), fresh.X_NB)) {
@@ -125,16 +144,21 @@ void RivalPoses::add(const LedRival& fresh, Time t) {
   cov.bottomRightCorner<3, 3>().diagonal().setConstant(kVelocitySd * kVelocitySd);
   place->filter.reset(t, x, cov);
   // What one picture alone is enough to propose starts level with who came before it:
-  // that the finder did not think of it earlier is no evidence.
-  double level = 0;
+  // that the finder did not think of it earlier is no evidence. How it fits is, for so
+  // it would have fitted all the time.
+  const Rival* first = nullptr;
   for (const Rival& rival : rivals_) {
-    if (rival.alive && &rival != place) level = std::min(level, rival.score);
+    if (!rival.alive || &rival == place || rival.score >= 0) continue;
+    if (first == nullptr || rival.score < first->score) first = &rival;
   }
   place->alive = true;
   place->by_chance = fresh.by_chance;
   place->pictures = place->misses = 0;
-  place->score = fresh.by_chance ? 0 : level;
-  place->moved = 0;
+  place->fit = cost_of(place->filter, tracker.track(blobs, fresh.X_NB, fresh.cov, t));
+  place->score = place->last = place->leans = place->moved = 0;
+  if (first == nullptr || fresh.by_chance) return;
+  place->score =
+      first->score + std::max(place->fit - first->fit, 0.0) / (1 - config_.remembers);
 }
 
 Result<FoundLeds> RivalPoses::decide(BlobSpan blobs, Time t,
@@ -179,7 +203,7 @@ Result<FoundLeds> RivalPoses::decide(BlobSpan blobs, Time t,
       younger.alive = false;
     }
   }
-  for (const LedRival& rival : fresh) add(rival, t);
+  for (const LedRival& rival : fresh) add(rival, blobs, t, tracker);
   remember(blobs);
   return verdict();
 }
@@ -189,7 +213,7 @@ Result<FoundLeds> RivalPoses::verdict() const {
   for (const Rival& rival : rivals_) {
     const int needed = rival.by_chance ? config_.pictures_by_chance : config_.pictures;
     if (!rival.alive || rival.pictures < needed || rival.misses > 0) continue;
-    if (best == nullptr || rival.score < best->score) best = &rival;
+    if (best == nullptr || rival.total() < best->total()) best = &rival;
   }
   if (best == nullptr) return fail(Fault::too_few_points);
   if (best->by_chance && best->moved < config_.own_motion) {
@@ -198,14 +222,14 @@ Result<FoundLeds> RivalPoses::verdict() const {
   for (const Rival& rival : rivals_) {
     // Who has not yet explained one more picture is no rival to who explained many.
     if (!rival.alive || &rival == best || rival.pictures == 0) continue;
-    if (rival.score < best->score + config_.margin) return fail(Fault::ambiguous);
+    if (rival.total() < best->total() + config_.margin) return fail(Fault::ambiguous);
   }
   FoundLeds found;
   found.frame = best->seen;
   found.fit.X_NB = best->filter.state().X_NB();
   found.fit.cov = best->filter.covariance().topLeftCorner<6, 6>();
   found.fit.rms_px = best->rms_px;
-  found.score = best->score;
+  found.score = best->total();
   found.runner_up_score = std::numeric_limits<double>::infinity();
   const double range =
       (found.fit.X_NB.translation() - camera_.X_NC.translation()).norm();

@@ -13,6 +13,8 @@ struct RivalPosesConfig {
   int pictures_by_chance = 20;  ///< In which one that chance may explain must have.
   int pictures = 10;            ///< In which a pose must have explained the LEDs.
   double margin = 16;           ///< -2 log likelihood by which it must lead the others.
+  double across_sd = 1.7;       ///< m/s^2, as PoseDoubtConfig's;
+  double leans_most = 24;       ///< how a pose leans speaks so far at most.
   double own_motion = 100;  ///< The same against lights that stand still, for a pose
                             ///< that chance may explain.
   double remembers = 0.9;   ///< Share of the past that counts with each new picture:
@@ -26,7 +28,8 @@ struct RivalPosesConfig {
 /// Poses that a single picture could not tell apart, each followed by a filter of its
 /// own until the pictures refute all but one. A mirrored or swapped pose predicts the
 /// next picture wrongly once the drone moves; lamps that happen to stand like the LEDs
-/// stay behind when it does.
+/// stay behind when it does. Fewer lights explained, and worse, count in each picture,
+/// and so does how a pose leans that the way it flies does not bear out.
 ///
 /// No allocation after `create`, at most `kMost` poses.
 class RivalPoses {
@@ -57,15 +60,21 @@ class RivalPoses {
     bool by_chance = false;
     int pictures = 0;
     int misses = 0;
-    double score = 0;  // -2 log likelihood, the lower the better
+    double score = 0;  // -2 log likelihood by the lights, the lower the better;
+    double last = 0;   // by those of the last picture that it explained,
+    double fit = 0;    // and of that how many they are and how well they fit
+    double leans = 0;  // the same by the way it leans
     double moved = 0;  // the same for lights that stand still, less the pose's own
     LedFrame seen;     // in the last picture
     double rms_px = 0;
     Matrix6 cov = Matrix6::Identity();
+    double total() const { return score + leans; }
   };
   void follow(Rival& rival, BlobSpan blobs, Time t, const LedTracker& tracker,
               const MotionSource& motion, Time step);
-  void add(const LedRival& fresh, Time t);
+  void add(const LedRival& fresh, BlobSpan blobs, Time t, const LedTracker& tracker);
+  /// -2 log likelihood of these being its LEDs, how exact rig and pixels are unknown.
+  double cost_of(const RelativeFilter& filter, const LedFrame& seen) const;
   Vector2 common_shift(BlobSpan blobs) const;
   void remember(BlobSpan blobs);
   Result<FoundLeds> verdict() const;

@@ -263,15 +263,17 @@ Blob BlobDetector::finish(const Part& part, const ImageView& image,
   blob.cov =
       (floor2 + grid2) * Matrix2::Identity() + noise2 * part.area / (w * w) * shape;
 
-  if (image.channels == 3) blob.color = hue(part, image);
+  const int m = config_.color_margin_px;
+  blob.color =
+      color_at(image, {std::max(part.u0 - m, 0), std::max(part.v0 - m, 0),
+                       std::min(part.u1 + m, width_), std::min(part.v1 + m, height_)});
   if (!depth.empty()) blob.depth_m = depth_of(part, image, depth);
   return blob;
 }
 
-LedColor BlobDetector::hue(const Part& part, const ImageView& image) const {
-  const int m = config_.color_margin_px;
-  const int u0 = std::max(part.u0 - m, 0), u1 = std::min(part.u1 + m, width_);
-  const int v0 = std::max(part.v0 - m, 0), v1 = std::min(part.v1 + m, height_);
+LedColor BlobDetector::color_at(const ImageView& image, const Roi& box) const {
+  if (image.channels != 3) return LedColor::none;
+  const auto [u0, v0, u1, v1] = box;
   const int step_u = 1 + (u1 - u0) / 64, step_v = 1 + (v1 - v0) / 64;
   // The darkest pixels carry the sensor's own tint.
   const int dark = std::min(30, threshold_);

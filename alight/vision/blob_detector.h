@@ -65,6 +65,11 @@ class BlobDetector {
   /// configured thresholds.
   void set_noise(const PictureNoise& noise) { noise_ = noise; }
 
+  /// Of a light whose pixels lie in `box`; none of a grey picture. As of the blobs of
+  /// the last `detect`, but nothing around the box counts. @pre `box` lies in the
+  /// picture
+  LedColor color_at(const ImageView& image, const Roi& box) const;
+
   const BlobDetectorConfig& config() const { return config_; }
 
  private:
@@ -85,7 +90,6 @@ class BlobDetector {
   int join(int a, int b);
   void add_run(const ImageView& image, int v, int u0, int u1, int v_first);
   Blob finish(const Part& part, const ImageView& image, const DepthView& depth) const;
-  LedColor hue(const Part& part, const ImageView& image) const;
   double depth_of(const Part& part, const ImageView& image,
                   const DepthView& depth) const;
 
