@@ -175,9 +175,11 @@ void PoseDoubt::look(const Camera& camera, const Constellation& leds, bool use_c
   }
   open_ = false;
   for (const Rival& rival : rivals_) {
-    // One that fits better counts at once where it is not known which LEDs these are.
-    const bool counts = rival.pictures >= kPictures ? rival.for_it() > -config_.open
-                                                    : !sure && rival.evidence > 0;
+    // One that fits better counts at once where it is not known which LEDs these are,
+    // as long as they are seen.
+    const bool counts = rival.pictures >= kPictures
+                            ? rival.for_it() > -config_.open
+                            : !sure && rival.evidence > 0 && rival.unasked == 0;
     open_ = open_ || (counts && apart(rival.pose.fit.X_NB, X_NB));
   }
 }

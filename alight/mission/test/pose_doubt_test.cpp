@@ -133,6 +133,21 @@ TEST_P(FewLeds, AreFoundOutThoughNoiseFeignsOneMoreNowAndThen) {
   });
 }
 
+// For one picture the light of LED 2 has been taken for LED 0, which is not seen again.
+TEST_P(FewLeds, OneThatIsGoneRaisesNoDoubtAnyMore) {
+  Pass pass(GetParam());
+  PoseDoubt doubt({});
+  const auto taken = pass.see(0, {2, 3, 4, 5}, {0, 3, 4, 5});
+  pass.look(doubt, {taken.data(), taken.size()}, pass.at(0));
+  EXPECT_TRUE(doubt.open());
+  for (int k = 1; k < 20; ++k) {
+    const double t = k / 60.0;
+    const auto seen = pass.see(t, {2, 3, 4, 5}, {2, 3, 4, 5});
+    pass.look(doubt, {seen.data(), seen.size()}, pass.at(t));
+    EXPECT_FALSE(doubt.open()) << k;
+  }
+}
+
 TEST_P(FewLeds, TakenForWhatTheyAreAreNotGivenUp) {
   Pass pass(GetParam());
   PoseDoubt doubt({});

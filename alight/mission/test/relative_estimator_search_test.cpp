@@ -62,10 +62,11 @@ TEST(RelativeEstimator, WithAnyLedDeadItStartsFromOnePicture) {
   for (int n = 0; n < 120; ++n) {
     Watch w;
     const auto dead = static_cast<std::size_t>(n % 6);
-    const Pose X_NB = make_pose(
-        from_rpy(rng.uniform(-0.15, 0.15), rng.uniform(-0.15, 0.15),
-                 rng.uniform(-0.4, 0.4)),
-        Vector3(rng.uniform(-2.5, -1.7), rng.uniform(-0.3, 0.3), rng.uniform(0.4, 0.8)));
+    const Pose X_NB =
+        make_pose(from_rpy(rng.uniform(-0.15, 0.15), rng.uniform(-0.15, 0.15),
+                           rng.uniform(-0.4, 0.4)),
+                  Vector3(rng.uniform(-2.5, -1.7), rng.uniform(-0.3, 0.3),
+                          rng.uniform(0.4, 0.8)));
     std::vector<Vector2> lit;
     bool in_view = true;
     for (int i = 0; i < w.truth.leds.size(); ++i) {
