@@ -5,6 +5,7 @@
 #include <new>
 
 #include "alight/vision/led_tracker.h"
+#include "alight/vision/lights_fitted.h"
 #include "scene.h"
 
 // Sanitizers bring an allocator of their own, which must not be mixed with this one.
@@ -32,13 +33,14 @@ namespace alight {
 namespace {
 
 TEST(Allocation, NoneOnceDetectorFinderAndTrackerStand) {
+  static FixedVector<Blob, kMaxBlobs> lights;  // large
   const Rig rig = alan_rig();
   auto detector = BlobDetector::create({}, 848, 480);
   auto finder = LedFinder::create({}, rig.camera, rig.leds);
   const auto tracker = LedTracker::create({}, rig.camera, rig.leds);
   ASSERT_TRUE(detector && finder && tracker);
   const Matrix6 cov = 1e-4 * Matrix6::Identity();
-  int found = 0;
+  int found = 0, parted = 0;
   for (unsigned seed = 0; seed < 10; ++seed) {
     Rng rng(seed);
     const Pose X_NB = test::random_pose(rig, rng, 0.5, 2);
@@ -49,6 +51,8 @@ TEST(Allocation, NoneOnceDetectorFinderAndTrackerStand) {
     for (unsigned i = 0; i < 10 * seed; ++i) {
       picture.add({rng.uniform(0, 848), rng.uniform(0, 480)}, LedColor::white);
     }
+    picture.add({30, 30}, LedColor::green, 250, 0.9);
+    picture.add({32, 32}, LedColor::green, 250, 0.9);
     const ImageView view = picture.expose(rng);
     const long before = news;
     const auto blobs = detector->detect(view);
@@ -56,10 +60,14 @@ TEST(Allocation, NoneOnceDetectorFinderAndTrackerStand) {
       found += finder->find(*blobs).has_value();
       (void)tracker->track(*blobs, X_NB, cov);
       (void)tracker->roi(X_NB, cov);
+      lights.assign(blobs->begin(), blobs->end());
+      parted +=
+          fit_lights(view, {.variance_px2 = 0.81, .share_sd = 0.35}, *detector, lights);
     }
     EXPECT_EQ(news, before);
   }
   EXPECT_GT(found, 5);
+  EXPECT_GT(parted, 5);
 #if ALIGHT_COUNTS_ALLOCATIONS
   const long before = news;
   void* volatile room = ::operator new(1);
