@@ -207,6 +207,57 @@ TEST(RivalPoses, WhoComesLaterStartsLevel) {
             0.6 * told);  // of those that came later; none, were it age that counts
 }
 
+/// Another reading that is proposed again and again, and fits worse each time, does not
+/// hold up the one that fits.
+TEST(RivalPoses, WhoComesLateAndFitsWorseStartsBehind) {
+  Watcher watcher;
+  const NoMotion motion;
+  int halls = 0, told = 0;
+  for (unsigned seed = 0; seed < 80; ++seed) {
+    Hall hall(watcher.rig, 0, 0, seed);
+    const auto read = [&](double s, std::initializer_list<int> as) {
+      const auto blobs = hall.picture(s);
+      FixedVector<LedObservation, kMaxLeds> seen;
+      for (const int led : as) {
+        LedObservation o;
+        o.leds = static_cast<std::uint16_t>(1u << led);
+        o.uv = blobs[seen.size() + 2].uv;  // those of LEDs 2 to 5
+        o.cov = 0.01 * Matrix2::Identity();
+        seen.push_back(o);
+      }
+      return refine_pose(watcher.rig.camera, watcher.rig.leds,
+                         {seen.data(), seen.size()}, hall.at(s));
+    };
+    const auto taken = read(0, {1, 3, 4, 5});
+    if (!taken || taken->rms_px < 0.5 || taken->rms_px > 2 ||
+        angle_between(taken->X_NB.linear(), hall.at(0).linear()) < 15 * kDegree) {
+      continue;
+    }
+    ++halls;
+    watcher.rivals.clear();
+    for (int k = 0; k < 13; ++k) {
+      const double s = k / 60.0;
+      std::vector<LedRival> fresh;
+      const auto wrong = read(s, {1, 3, 4, 5}), as_they_are = read(s, {2, 3, 4, 5});
+      if (as_they_are) fresh.push_back({as_they_are->X_NB, as_they_are->cov, 4});
+      if (k >= 9 && wrong) fresh.push_back({wrong->X_NB, wrong->cov, 4});
+      auto blobs = hall.picture(s);
+      blobs.erase(blobs.begin(), blobs.begin() + 2);
+      const auto found = watcher.rivals.decide(
+          blobs, from_seconds(100 + s), {fresh.data(), fresh.size()}, watcher.tracker,
+          motion, from_seconds(0.005));
+      if (!found) continue;
+      ++told;
+      EXPECT_LT(angle_between(found->fit.X_NB.linear(), hall.at(s).linear()),
+                10 * kDegree)
+          << seed;
+      break;
+    }
+  }
+  EXPECT_GE(halls, 10);
+  EXPECT_GE(told, 0.8 * halls);
+}
+
 /// Four LEDs in a plane are seen alike from afar turned to either side of the line of
 /// sight; but a drone that goes straight on stands level.
 TEST(RivalPoses, WhoLeansOtherwiseThanItFliesIsWrong) {
