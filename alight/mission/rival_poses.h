@@ -13,10 +13,12 @@ struct RivalPosesConfig {
   int pictures_by_chance = 20;  ///< In which one that chance may explain must have.
   int pictures = 10;            ///< In which a pose must have explained the LEDs.
   double margin = 16;           ///< -2 log likelihood by which it must lead the others.
-  double across_sd = 1.7;       ///< m/s^2, as PoseDoubtConfig's;
-  double leans_most = 24;       ///< how a pose leans speaks so far at most.
   double own_motion = 100;  ///< The same against lights that stand still, for a pose
                             ///< that chance may explain.
+  double across_sd = 1.7;   ///< Wind pushes drones across by so much, m/s^2, as in
+                            ///< PoseDoubtConfig;
+  double leans_most = 24;   ///< how a pose leans speaks so far at most, -2 log
+                            ///< likelihood.
   double remembers = 0.9;   ///< Share of the past that counts with each new picture:
                             ///< what a wrong rig does is the same in all of them.
   int misses_max = 2;       ///< In a row; then it is refuted.

@@ -12,8 +12,8 @@ namespace {
 constexpr double kAreaMost_px = 100;
 constexpr int kFitsMost = 200;        // in one picture
 constexpr double kForeignReach = 20;  // px; farther patches have no pixels in a fit
-constexpr double kLongLeast_px2 =
-    0.4;  // Stretch of two lights; 2 px apart they have 1.
+// Stretch of two lights; 2 px apart they have 1.
+constexpr double kLongLeast_px2 = 0.4;
 // chi2 per pixel: good enough, explained at all, and of what is not.
 constexpr double kGood = 1, kExplained = 3, kNone = 12;
 constexpr double kBetter = 2;        // times less of it that two must leave

@@ -6,9 +6,9 @@
 namespace alight {
 
 /// Puts in place of each small patch the lights that its pixels show: one, better
-/// placed than by its centroid above a threshold, or two or three that run together,
-/// each with its own place, brightness and colour. For pictures in which nothing has
-/// been found yet; once there is a pose LedResolver does more.
+/// placed than by its centroid above a threshold, or two that run together, each with
+/// its own place, brightness and colour. For pictures in which nothing has been found
+/// yet; once there is a pose LedResolver does more.
 ///
 /// Large patches stay as they are, LEDs near the lens stand apart; so do those that no
 /// lights explain. Of many patches the first count. No allocation.

@@ -27,11 +27,9 @@ Blob light(const Vector2& uv, Rng& rng) {
 /// among lamps that stand still.
 class Hall {
  public:
-  Hall(const Rig& rig, int dark, int lamps, unsigned seed, double sway = 6 * kDegree,
-       double back = 0)
-      : rig_(rig), rng_(seed), sway_(sway) {
+  Hall(const Rig& rig, int dark, int lamps, unsigned seed) : rig_(rig), rng_(seed) {
     for (;;) {
-      const Vector3 p_NB(rng_.uniform(-1.2, -0.2) - back, rng_.uniform(-0.4, 0.4),
+      const Vector3 p_NB(rng_.uniform(-1.2, -0.2), rng_.uniform(-0.4, 0.4),
                          rng_.uniform(0.3, 0.9));
       X_NB_ = make_pose(from_rpy(0, 0, rng_.uniform(-20, 20) * kDegree), p_NB);
       way_ = Vector3(rng_.normal(), rng_.normal(), rng_.normal()).normalized();
@@ -55,10 +53,10 @@ class Hall {
     }
   }
 
-  /// On its way at 0.5 m/s, swaying.
+  /// On its way at 0.5 m/s, swaying by 6 deg.
   Pose at(double t) const {
     const Matrix3 sway =
-        from_rpy(sway_ * std::sin(5 * t), sway_ * std::sin(4 * t), 0.2 * t);
+        from_rpy(6 * kDegree * std::sin(5 * t), 6 * kDegree * std::sin(4 * t), 0.2 * t);
     return make_pose(X_NB_.linear() * sway, X_NB_.translation() + 0.5 * t * way_);
   }
 
@@ -75,7 +73,6 @@ class Hall {
  private:
   Rig rig_;
   Rng rng_;
-  double sway_;
   Pose X_NB_ = Pose::Identity();
   Vector3 way_;
   std::vector<bool> lit_;
@@ -153,26 +150,39 @@ INSTANTIATE_TEST_SUITE_P(Cases, RivalPosesMany,
                                          Case{"TwoDarkAmong100", 2, 100, 4, 0}),
                          [](const auto& of) { return of.param.name; });
 
+/// The pose by LEDs 2 to 5, each told for what `as` says.
+Result<PoseFit> read_as(Hall& hall, const Rig& rig, double s,
+                        std::initializer_list<int> as) {
+  const auto blobs = hall.picture(s);
+  FixedVector<LedObservation, kMaxLeds> seen;
+  for (const int led : as) {
+    LedObservation o;
+    o.leds = static_cast<std::uint16_t>(1u << led);
+    o.uv = blobs[seen.size() + 2].uv;
+    o.cov = 0.01 * Matrix2::Identity();
+    seen.push_back(o);
+  }
+  return refine_pose(rig.camera, rig.leds, {seen.data(), seen.size()}, hall.at(s));
+}
+
+/// What the rivals say of LEDs 2 to 5 at `s`, `fresh` having been proposed.
+Result<FoundLeds> decide(Watcher& watcher, Hall& hall, double s,
+                         const std::vector<LedRival>& fresh) {
+  auto blobs = hall.picture(s);
+  blobs.erase(blobs.begin(), blobs.begin() + 2);
+  return watcher.rivals.decide(blobs, from_seconds(100 + s), fresh, watcher.tracker,
+                               NoMotion{}, from_seconds(0.005));
+}
+
 /// Four lights that are read as other LEDs from the first picture on, and as what they
 /// are only later: who came first has no right to stay.
 TEST(RivalPoses, WhoComesLaterStartsLevel) {
   Watcher watcher;
-  const NoMotion motion;
   int halls = 0, told = 0, right = 0;
   for (unsigned seed = 0; seed < 80; ++seed) {
     Hall hall(watcher.rig, 0, 0, seed);
     const auto lit = [&](double s, std::initializer_list<int> as) {
-      const auto blobs = hall.picture(s);
-      FixedVector<LedObservation, kMaxLeds> seen;
-      for (const int led : as) {
-        LedObservation o;
-        o.leds = static_cast<std::uint16_t>(1u << led);
-        o.uv = blobs[seen.size() + 2].uv;  // those of LEDs 2 to 5
-        o.cov = 0.01 * Matrix2::Identity();
-        seen.push_back(o);
-      }
-      return refine_pose(watcher.rig.camera, watcher.rig.leds,
-                         {seen.data(), seen.size()}, hall.at(s));
+      return read_as(hall, watcher.rig, s, as);
     };
     const auto taken = lit(0, {1, 3, 4, 5});
     if (!taken || taken->rms_px > 1 ||
@@ -189,11 +199,7 @@ TEST(RivalPoses, WhoComesLaterStartsLevel) {
       if (k >= 7 && as_they_are) {
         fresh.push_back({as_they_are->X_NB, as_they_are->cov, 4});
       }
-      auto blobs = hall.picture(s);
-      blobs.erase(blobs.begin(), blobs.begin() + 2);
-      const auto found = watcher.rivals.decide(
-          blobs, from_seconds(100 + s), {fresh.data(), fresh.size()}, watcher.tracker,
-          motion, from_seconds(0.005));
+      const auto found = decide(watcher, hall, s, fresh);
       if (!found) continue;
       ++told;
       right +=
@@ -211,22 +217,11 @@ TEST(RivalPoses, WhoComesLaterStartsLevel) {
 /// hold up the one that fits.
 TEST(RivalPoses, WhoComesLateAndFitsWorseStartsBehind) {
   Watcher watcher;
-  const NoMotion motion;
   int halls = 0, told = 0;
   for (unsigned seed = 0; seed < 80; ++seed) {
     Hall hall(watcher.rig, 0, 0, seed);
     const auto read = [&](double s, std::initializer_list<int> as) {
-      const auto blobs = hall.picture(s);
-      FixedVector<LedObservation, kMaxLeds> seen;
-      for (const int led : as) {
-        LedObservation o;
-        o.leds = static_cast<std::uint16_t>(1u << led);
-        o.uv = blobs[seen.size() + 2].uv;  // those of LEDs 2 to 5
-        o.cov = 0.01 * Matrix2::Identity();
-        seen.push_back(o);
-      }
-      return refine_pose(watcher.rig.camera, watcher.rig.leds,
-                         {seen.data(), seen.size()}, hall.at(s));
+      return read_as(hall, watcher.rig, s, as);
     };
     const auto taken = read(0, {1, 3, 4, 5});
     if (!taken || taken->rms_px < 0.5 || taken->rms_px > 2 ||
@@ -241,11 +236,7 @@ TEST(RivalPoses, WhoComesLateAndFitsWorseStartsBehind) {
       const auto wrong = read(s, {1, 3, 4, 5}), as_they_are = read(s, {2, 3, 4, 5});
       if (as_they_are) fresh.push_back({as_they_are->X_NB, as_they_are->cov, 4});
       if (k >= 9 && wrong) fresh.push_back({wrong->X_NB, wrong->cov, 4});
-      auto blobs = hall.picture(s);
-      blobs.erase(blobs.begin(), blobs.begin() + 2);
-      const auto found = watcher.rivals.decide(
-          blobs, from_seconds(100 + s), {fresh.data(), fresh.size()}, watcher.tracker,
-          motion, from_seconds(0.005));
+      const auto found = decide(watcher, hall, s, fresh);
       if (!found) continue;
       ++told;
       EXPECT_LT(angle_between(found->fit.X_NB.linear(), hall.at(s).linear()),
