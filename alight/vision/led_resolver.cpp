@@ -43,14 +43,12 @@ constexpr double kHoldChi2 = 3;       // per pixel, times what is usual
 constexpr double kHoldHeight = 2.5;   // factor by which an LED's light may change
 constexpr double kFull = 200;         // grey levels; brighter LEDs may look white
 constexpr double kSpreadLeast = 0.3, kSpreadMost = 9;  // px^2
-constexpr double kSkirtMost = 0.3;
 // Skirts of lights farther off do not matter,
 constexpr double kBesidePx = 9;
 // and of those farther than this not exactly where they stand. Nearer ones that turn
 // out to be so far from where they were expected, or so much brighter or dimmer, are
 // taken off anew.
 constexpr double kNearPx = 6, kMovedPx = 0.15, kChanged = 0.3;
-constexpr int kSkirtMemory = 60;  // looks
 constexpr int kSkirtEvery = 4;    // pictures, once it is known
 constexpr double kSkirtBlur = 1;  // px; a longer streak has another skirt
 constexpr int kColorMemory = 30;  // times an LED is seen alone
@@ -456,7 +454,7 @@ unsigned LedResolver::feigned(const Patch& patch,
 
 void LedResolver::learn_skirt(const Look& look, const Patches& patches) {
   ++pictures_;
-  if (skirt_looks_ >= kSkirtMemory && pictures_ % kSkirtEvery != 0) return;
+  if (skirt_.settled() && pictures_ % kSkirtEvery != 0) return;
   next_ = (next_ + 1) % static_cast<std::size_t>(leds_.size());
   look_around(look, patches, next_);
 }
@@ -493,12 +491,7 @@ void LedResolver::look_around(const Look& look, const Patches& patches,
   const auto found =
       look_at_skirt(look.image, middle, {lights.data(), lights.size()}, spread_);
   if (!found) return;
-  skirt_looks_ = std::min(skirt_looks_ + 1, kSkirtMemory);
-  skirt_information_ =
-      (1 - 1.0 / kSkirtMemory) * skirt_information_ + found->information;
-  spread_.skirt +=
-      found->information / skirt_information_ * (found->skirt - spread_.skirt);
-  spread_.skirt = std::clamp(spread_.skirt, 0.0, kSkirtMost);
+  skirt_.add(*found, spread_);
 }
 
 void LedResolver::learn_from(const Look& look, const Patches& patches) {

@@ -2,6 +2,7 @@
 #include "alight/vision/led_tracker.h"
 #include "alight/vision/light_share.h"
 #include "alight/vision/picture_noise.h"
+#include "alight/vision/skirt_learner.h"
 #include "alight/vision/spot_fit.h"
 
 namespace alight {
@@ -137,8 +138,8 @@ class LedResolver {
   double noise_ = 1;                  // chi2 per pixel to be expected,
   double judged_ = 0;                 // from so many patches, at most spread_memory
   double known_ = 0;                  // patches learnt from, at most spread_memory
-  double skirt_information_ = 0;
-  int skirt_looks_ = 0, pictures_ = 0;
+  SkirtLearner skirt_;
+  int pictures_ = 0;
   std::size_t next_ = 0;  // LED around which the skirt is looked at next
 };
 

@@ -27,8 +27,6 @@ constexpr double kStepPx = 0.06;
 constexpr int kIterationsUntold = 9;  // of lights whose colour is told on the way
 constexpr float kColorTold = 10;      // what a colour has is known to 0.3
 
-constexpr auto kSkirt = static_cast<float>(1 / PointSpread::kSkirtVariance);
-
 constexpr float kSkirtFrom = 2.3f;  // standard deviations, from any light
 constexpr float kCoreDoubt = 0.3f;  // share of the Gaussian that may be off out there
 constexpr double kSkirtInformationLeast = 1;
@@ -151,6 +149,11 @@ ALIGHT_INLINE float exp_of(float x) {
   return root * root * std::bit_cast<float>((whole + 127) << 23);
 }
 
+/// How much narrower a Gaussian is than the skirt, by variance.
+ALIGHT_INLINE float core_over_skirt(const PointSpread& spread) {
+  return static_cast<float>(1 / spread.skirt_over_core());
+}
+
 /// Takes the light of those beside off every pixel.
 template <Sees kSees>
 void take_off(std::span<const LightBeside> beside, const PointSpread& spread,
@@ -162,6 +165,7 @@ void take_off(std::span<const LightBeside> beside, const PointSpread& spread,
   const auto i_uu = static_cast<float>(c / det), i_vv = static_cast<float>(a / det);
   const auto i_uv = static_cast<float>(-b / det);
   const auto skirt = static_cast<float>(spread.skirt);
+  const float narrower = core_over_skirt(spread);
   for (const LightBeside& other : beside) {
     const auto u = static_cast<float>(other.uv.x()),
                v = static_cast<float>(other.uv.y());
@@ -170,7 +174,7 @@ void take_off(std::span<const LightBeside> beside, const PointSpread& spread,
       const auto at = static_cast<std::size_t>(i);
       const float du = pixels.u[at] - u, dv = pixels.v[at] - v;
       const float x = -0.5f * (i_uu * du * du + 2 * i_uv * du * dv + i_vv * dv * dv);
-      float light = peak * (exp_of(x) + skirt * exp_of(kSkirt * x));
+      float light = peak * (exp_of(x) + skirt * exp_of(narrower * x));
       if constexpr (kSees == Sees::own_color) light *= other.color[pixels.channel[at]];
       pixels.light[at] -= light;
     }
@@ -181,19 +185,20 @@ constexpr int kBoxSide = 2 * kSkirtBox + 1;
 
 /// Along one axis of a box, of a light and of its skirt.
 struct Profile {
-  float d2[kBoxSide];  // sd^2
+  float d2[kBoxSide];  // sd^2 of the former
   float core[kBoxSide], wide[kBoxSide];
 };
 ALIGHT_INLINE Profile profile(int first, double middle, double height,
                               const PointSpread& spread) {
   Profile out;
   const auto per_variance = static_cast<float>(1 / spread.variance_px2);
+  const float narrower = core_over_skirt(spread);
   const auto h = static_cast<float>(height);
   for (int k = 0; k < kBoxSide; ++k) {
     const float d = static_cast<float>(first + k) - static_cast<float>(middle);
     out.d2[k] = per_variance * d * d;
     out.core[k] = h * exp_of(-0.5f * out.d2[k]);
-    out.wide[k] = h * exp_of(-0.5f * kSkirt * out.d2[k]);
+    out.wide[k] = h * exp_of(-0.5f * narrower * out.d2[k]);
   }
   return out;
 }
@@ -251,6 +256,7 @@ ALIGHT_INLINE void equations_of(const Pixels& pixels, const Lights<K>& lights,
   const auto i_uv = static_cast<float>(-b / det);
   const auto grow = static_cast<float>(s2 / 2);
   const auto skirt = static_cast<float>(spread.skirt);
+  const float narrower = core_over_skirt(spread);
   float* const by_width = J[kWidth];
   for (int i = 0; i < padded; ++i) {
     r[i] = pixels.light[static_cast<std::size_t>(i)] - lights.back;
@@ -270,13 +276,13 @@ ALIGHT_INLINE void equations_of(const Pixels& pixels, const Lights<K>& lights,
       const float dv = pixels.v[static_cast<std::size_t>(i)] - v;
       const float e_u = i_uu * du + i_uv * dv, e_v = i_uv * du + i_vv * dv;
       const float x = -0.5f * (du * e_u + dv * e_v);
-      float core = exp_of(x), wide = skirt * exp_of(kSkirt * x);
+      float core = exp_of(x), wide = skirt * exp_of(narrower * x);
       if constexpr (kSees == Sees::own_color) {
         const float gain = gains[k][static_cast<std::size_t>(i)];
         core *= gain;
         wide *= gain;
       }
-      const float slope = peak * (core + kSkirt * wide);
+      const float slope = peak * (core + narrower * wide);
       r[i] -= peak * (core + wide);
       J_u[i] = slope * e_u;
       J_v[i] = slope * e_v;
@@ -335,6 +341,7 @@ ColorSeen color_of(const Pixels& pixels, const Lights<K>& lights,
   const Matrix2 image = s2 * Matrix2::Identity() + blur * blur.transpose() / 12;
   const Matrix2 by_image = image.inverse();
   const auto skirt = static_cast<float>(spread.skirt);
+  const float narrower = core_over_skirt(spread);
   // Of pixels that are not full, and of those that are.
   std::array<std::array<float, 3>, 2> seen{}, light2{};
   for (int i = 0; i < pixels.count; ++i) {
@@ -343,7 +350,7 @@ ColorSeen color_of(const Pixels& pixels, const Lights<K>& lights,
     for (std::size_t k = 0; k < K; ++k) {
       const Vector2 d = Vector2(pixels.u[at], pixels.v[at]) - lights.uv[k];
       const auto x = static_cast<float>(-0.5 * d.dot(by_image * d));
-      light += lights.height[k] * (exp_of(x) + skirt * exp_of(kSkirt * x));
+      light += lights.height[k] * (exp_of(x) + skirt * exp_of(narrower * x));
     }
     const std::size_t full = pixels.full[at] > 0 ? 1 : 0, c = pixels.channel[at];
     const float weight = pixels.weight[at] * light;
@@ -539,13 +546,15 @@ ALIGHT_INLINE std::optional<SkirtLook> skirt_of(const ImageView& image,
   pixels.count = static_cast<int>(count);
   weigh(noise, pixels);
   const int padded = pixels.padded;
-  alignas(32) float core[kPixelsMax], wide[kPixelsMax], one[kPixelsMax];
+  // Light of the Gaussians, of skirts as high as they, and of those as their variance
+  // grows.
+  alignas(32) float core[kPixelsMax], wide[kPixelsMax], wider[kPixelsMax];
   for (int i = 0; i < padded; ++i) {
-    const auto at = static_cast<std::size_t>(i);
-    core[i] = wide[i] = 0;
-    one[i] = 1;
-    pixels.weight[at] *= 1 - pixels.full[at];
+    core[i] = wide[i] = wider[i] = 0;
+    pixels.weight[static_cast<std::size_t>(i)] *=
+        1 - pixels.full[static_cast<std::size_t>(i)];
   }
+  const float half = 0.5f * core_over_skirt(spread);
   for (const LightBeside& light : lights) {
     // As round as these lights are, a factor for each column and one for each row do.
     const Profile along = profile(u0, light.uv.x(), 1, spread);
@@ -554,6 +563,7 @@ ALIGHT_INLINE std::optional<SkirtLook> skirt_of(const ImageView& image,
       const float d2_v = down.d2[row], core_v = down.core[row], wide_v = down.wide[row];
       float* const core_row = core + row * kBoxSide;
       float* const wide_row = wide + row * kBoxSide;
+      float* const wider_row = wider + row * kBoxSide;
       float* const weight_row = pixels.weight.data() + row * kBoxSide;
       float gain[kBoxSide];
       for (int k = 0; k < kBoxSide; ++k) {
@@ -564,31 +574,47 @@ ALIGHT_INLINE std::optional<SkirtLook> skirt_of(const ImageView& image,
         }
       }
       for (int k = 0; k < kBoxSide; ++k) {
+        const float d2 = d2_v + along.d2[k];
+        const float skirt = wide_v * along.wide[k] * gain[k];
         core_row[k] += core_v * along.core[k] * gain[k];
-        wide_row[k] += wide_v * along.wide[k] * gain[k];
-        weight_row[k] *= d2_v + along.d2[k] < kSkirtFrom * kSkirtFrom ? 0.f : 1.f;
+        wide_row[k] += skirt;
+        wider_row[k] += half * d2 * skirt;
+        weight_row[k] *= d2 < kSkirtFrom * kSkirtFrom ? 0.f : 1.f;
       }
     }
   }
-  // Least squares over an even background and the skirt.
-  alignas(32) float rest[kPixelsMax], weighted[kPixelsMax];
+  // Least squares over an even background, the skirt's height and its variance.
+  const auto height = static_cast<float>(spread.skirt);
+  alignas(32) float rest[kPixelsMax], one[kPixelsMax];
   for (int i = 0; i < padded; ++i) {
     const auto at = static_cast<std::size_t>(i);
     const float doubt = kCoreDoubt * core[i];
     pixels.weight[at] /= 1 + pixels.weight[at] * doubt * doubt;
-    rest[i] = pixels.light[at] - core[i];
-    weighted[i] = pixels.weight[at] * wide[i];
+    rest[i] = pixels.light[at] - core[i] - height * wide[i];
+    wider[i] *= height;
+    one[i] = 1;
   }
+  const float* const J[2] = {wide, wider};
   const float* const weight = pixels.weight.data();
   const auto w_1 = static_cast<double>(dot(weight, one, padded));
-  const auto w_f = static_cast<double>(dot(weighted, one, padded));
-  const auto w_ff = static_cast<double>(dot(weighted, wide, padded));
-  const auto w_y = static_cast<double>(dot(weight, rest, padded));
-  const auto w_fy = static_cast<double>(dot(weighted, rest, padded));
+  const auto w_r = static_cast<double>(dot(weight, rest, padded));
   if (!(w_1 > 0)) return std::nullopt;
-  const double information = w_ff - w_f * w_f / w_1;
-  if (!(information > kSkirtInformationLeast)) return std::nullopt;
-  return SkirtLook{(w_fy - w_f * w_y / w_1) / information, information};
+  SkirtLook look;
+  Vector2 by_back;
+  for (int p = 0; p < 2; ++p) {
+    alignas(32) float weighted[kPixelsMax];
+    for (int i = 0; i < padded; ++i) weighted[i] = weight[i] * J[p][i];
+    by_back[p] = static_cast<double>(dot(weighted, one, padded));
+    look.pull[p] = static_cast<double>(dot(weighted, rest, padded));
+    for (int q = 0; q <= p; ++q) {
+      look.information(p, q) = look.information(q, p) =
+          static_cast<double>(dot(weighted, J[q], padded));
+    }
+  }
+  look.information -= by_back * by_back.transpose() / w_1;
+  look.pull -= by_back * (w_r / w_1);
+  if (!(look.information(0, 0) > kSkirtInformationLeast)) return std::nullopt;
+  return look;
 }
 
 #if defined(ALIGHT_WIDE)

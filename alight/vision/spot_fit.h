@@ -1,4 +1,5 @@
 #pragma once
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <optional>
@@ -14,11 +15,17 @@ namespace alight {
 struct PointSpread {
   double variance_px2 = 1;    ///< Per axis: lens, pixel, and the LED's own size.
   double share_sd = 0.4;      ///< How well it is known, as a share of itself.
-  double skirt = 0;           ///< Height of the skirt over that of the Gaussian.
-  double noise_variance = 6;  ///< Of an unlit pixel's luminance, grey levels^2.
+  double skirt = 0;           ///< Height of the skirt over that of the Gaussian,
+  double skirt_variance_px2 = 0;  ///< and its variance per axis, which the LED's size
+                                  ///< hardly matters to; 0: not known.
+  double noise_variance = 6;      ///< Of an unlit pixel's luminance, grey levels^2.
 
-  /// Variance of the skirt over the Gaussian's.
-  static constexpr double kSkirtVariance = 6;
+  /// Variance of the skirt over the Gaussian's, at least, usual, and at most.
+  static constexpr double kSkirtLeast = 2.5, kSkirtUsual = 6, kSkirtWidest = 16;
+  double skirt_over_core() const {
+    if (!(skirt_variance_px2 > 0)) return kSkirtUsual;
+    return std::clamp(skirt_variance_px2 / variance_px2, kSkirtLeast, kSkirtWidest);
+  }
 };
 
 /// How far a light's pixels reach that fit_spots looks at.
@@ -101,10 +108,12 @@ std::optional<SpotFit> fit_spots(const ImageView& image,
                                  std::span<const LightBeside> beside = {},
                                  bool* unlike = nullptr);
 
-/// What the Gaussians of lights leave around one of them.
+/// What pixels around a light tell of the skirt: normal equations of its height
+/// (PointSpread::skirt) and of the logarithm of its variance, about those of the spread
+/// they were looked at with, for noise of chi2 1.
 struct SkirtLook {
-  double skirt = 0;        ///< As PointSpread::skirt,
-  double information = 0;  ///< and the information on it, for noise of chi2 1.
+  Matrix2 information = Matrix2::Zero();
+  Vector2 pull = Vector2::Zero();
 };
 
 /// Compares the pixels some way off `middle` with the skirts that `lights` would have.
