@@ -29,7 +29,7 @@ struct BlobDetectorConfig {
   /// core of a bright LED is white whatever its colour: pixels count by how far they
   /// are from white.
   double color_chroma_min = 18;
-  double centroid_sd_min_px = 0.05;
+  double centroid_sd_min_px = 0.03;
 
   Result<void> validate() const;
 };

@@ -15,7 +15,8 @@ namespace {
 
 constexpr double kReach = 2.6;        // standard deviations around a light
 constexpr int kCensored = 240;        // grey level from which a pixel is full
-constexpr float kFullMost = 0.67f;    // share of full pixels; beyond it no rim is seen
+constexpr float kFullMost = 0.67f;    // share of full pixels; beyond it no rim is seen.
+constexpr float kFullMostAlone = 0.5f;  // the same of one light: its middle tells more
 constexpr float kShot = 0.15f;        // variance per grey level
 constexpr float kMismatch = 0.04f;    // of the model, share of the light
 constexpr double kBackgroundSd = 15;  // grey levels
@@ -648,7 +649,8 @@ std::optional<SpotFit> fit_as(const ImageView& image,
                      static_cast<float>(spread.noise_variance), foreign, pixels)) {
     return std::nullopt;
   }
-  if (full_share(pixels) > kFullMost) return std::nullopt;
+  const float most = sought.size() > 1 ? kFullMost : kFullMostAlone;
+  if (full_share(pixels) > most) return std::nullopt;
   take_off<kSees>(beside, spread, blur_px, pixels);
   const auto found = [&] {
     switch (sought.size()) {
