@@ -32,7 +32,7 @@ struct Scene {
       picture.add(uv, rig.leds.color(i), peak, 0.9);
       if (skirt > 0) {
         picture.add(uv, rig.leds.color(i), skirt * peak,
-                    0.9 * std::sqrt(PointSpread::kSkirtVariance));
+                    0.9 * std::sqrt(PointSpread::kSkirtUsual));
       }
     }
     picture.expose(rng);
