@@ -25,9 +25,6 @@ constexpr double kNoiseMemory = 12, kMeanMemory = 60, kLedMemory = 300;
 // A claim so many times the usual one stands for something else than noise, as for an
 // LED that may be covered in part.
 constexpr double kOtherClaim = 6;
-// Share of a picture's noise that stays for as long as the mean reaches: where pixels lie
-// under a light, and what its neighbours do to it, changes slowly.
-constexpr double kNoiseAlike = 1.0 / 60;
 // What seems constant counts in full only beyond what noise feigns.
 constexpr double kFeigned = 2;
 // From so many times what was known on, as by one picture in 2,000 of exact LEDs, it is
@@ -104,7 +101,7 @@ void ResidualWatch::learn_leds(std::span<const Residual> residuals) {
     // What is seen well tells most of where LEDs are.
     const double weight = 1 / (mean_noise_m2 + kLedLeast_m * kLedLeast_m);
     constant += weight * mean_m.squaredNorm();
-    noise += weight * (mean_noise_m2 + kNoiseAlike * drawn_m2);
+    noise += weight * mean_noise_m2;
     weights += 2 * weight;
   }
   // The pose takes up six of the 2 n directions in which LEDs may be off.

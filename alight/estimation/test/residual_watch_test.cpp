@@ -69,27 +69,6 @@ TEST(ResidualWatch, TellsConstantErrorsFromNoise) {
   }
 }
 
-TEST(ResidualWatch, NoiseThatStaysForAWhileIsNoErrorOfTheLeds) {
-  // Where a light lies on its pixels, and what its neighbour does to it, hardly changes
-  // from one picture to the next.
-  constexpr double kSdPx = 0.012, kStays = 0.05;
-  constexpr int kRuns = 40, kPictures = 600;
-  int told = 0;
-  for (int run = 0; run < kRuns; ++run) {
-    Source source(6, 0, kSdPx, static_cast<std::uint64_t>(run + 1));
-    ResidualWatch watch;
-    for (int k = 0; k < kPictures; ++k) {
-      for (double& c : source.constant) {
-        c = (1 - 1.0 / 60) * c +
-            std::sqrt(kStays * 2 / 60) * kSdPx * source.rng.normal();
-      }
-      watch.add(source.next(kSdPx));
-      told += watch.led_sd_m() > 0.00001 ? 1 : 0;
-    }
-  }
-  EXPECT_LT(told, kRuns * kPictures / 30);
-}
-
 TEST(ResidualWatch, NoiseThatWasClaimedTooLowShows) {
   for (const double factor : {0.8, 2.0, 4.0}) {
     Source source(6, 0, 0.1, 5);
