@@ -46,10 +46,10 @@ constexpr Seconds kGoesOnAlike = 0.05, kTurnsElsewhere = 0.1;
 constexpr double kVelocityLeast = 0.5;
 constexpr Seconds kPushesAlike = 0.147;
 constexpr double kPushesEnd = 1.7;  // exponent; how sudden the one becomes the other
-constexpr double kFaster = 0.105;   // of the variance, per m^2/s^2 beyond
-constexpr double kFast2 = 0.8, kFastest2 = 3.3;  // m^2/s^2
-// Share of a picture's noise that stays for the next, so that averaging more of them
-// than usual gains less than it seems to.
+// Share of that variance for each m^2/s^2 of squared speed beyond the usual.
+constexpr double kFaster = 0.105, kFast2 = 0.8, kFastest2 = 3.3;
+// Share of a picture's noise that stays for the next: to average more pictures than
+// usual gains less than it seems to, and fewer lose less.
 constexpr double kNoiseAlike = 0.018;
 constexpr double kAveragedUsual = 8, kAveragedLeast = 2, kAveragedMost = 18;
 // Six LEDs show six directions of their errors. What is learnt from these varies; the
@@ -811,10 +811,11 @@ Covariance9 RelativeFilter::as_flown() const {
   const Eigen::LLT<Matrix6> pose(P.topLeftCorner<6, 6>());
   if (!std::isfinite(averaged_s) || pose.info() != Eigen::Success) return P;
   const double settled = std::min(in_a_row_ / kCarriedFor, 1.0);
-  const double less = (1 - kVelocityLeast) *
-                      std::exp(-std::pow(averaged_s / kPushesAlike, kPushesEnd));
+  const double less =
+      (1 - kVelocityLeast) * std::exp(-std::pow(averaged_s / kPushesAlike, kPushesEnd));
   const double speed2 = std::min(state_.x.v_NB.squaredNorm(), kFastest2);
-  const double pushed = (1 - settled * less) * (1 + settled * kFaster * (speed2 - kFast2));
+  const double pushed =
+      (1 - settled * less) * (1 + settled * kFaster * (speed2 - kFast2));
   const double pictures =
       std::clamp(averaged_s / between_s_, kAveragedLeast, kAveragedMost);
   const double noise = 1 + settled * kNoiseAlike * (pictures - kAveragedUsual);

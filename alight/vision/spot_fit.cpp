@@ -13,16 +13,16 @@
 namespace alight {
 namespace {
 
-constexpr double kReach = 2.6;        // standard deviations around a light
-constexpr int kCensored = 240;        // grey level from which a pixel is full
-constexpr float kFullMost = 0.67f;    // share of full pixels; beyond it no rim is seen.
+constexpr double kReach = 2.6;      // standard deviations around a light
+constexpr int kCensored = 240;      // grey level from which a pixel is full
+constexpr float kFullMost = 0.67f;  // share of full pixels; beyond it no rim is seen.
 constexpr float kFullMostAlone = 0.5f;  // the same of one light: its middle tells more
-constexpr float kShot = 0.15f;        // variance per grey level
-constexpr float kMismatch = 0.04f;    // of the model, share of the light
-constexpr double kBackgroundSd = 15;  // grey levels
-constexpr double kStartSd = 1.2;      // px, keeps a fit that nothing else holds
-constexpr double kShiftMax = 2.5;     // px
-constexpr double kChi2Max = 12;       // per pixel
+constexpr float kShot = 0.15f;          // variance per grey level
+constexpr float kMismatch = 0.04f;      // of the model, share of the light
+constexpr double kBackgroundSd = 15;    // grey levels
+constexpr double kStartSd = 1.2;        // px, keeps a fit that nothing else holds
+constexpr double kShiftMax = 2.5;       // px
+constexpr double kChi2Max = 12;         // per pixel
 constexpr int kIterations = 5;
 constexpr double kStepPx = 0.06;
 constexpr int kIterationsUntold = 9;  // of lights whose colour is told on the way
@@ -186,7 +186,7 @@ constexpr int kBoxSide = 2 * kSkirtBox + 1;
 
 /// Along one axis of a box, of a light and of its skirt.
 struct Profile {
-  float d2[kBoxSide];  // sd^2 of the former
+  float d2[kBoxSide];  // squared distance over the variance of the former
   float core[kBoxSide], wide[kBoxSide];
 };
 ALIGHT_INLINE Profile profile(int first, double middle, double height,

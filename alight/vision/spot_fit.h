@@ -13,9 +13,9 @@ namespace alight {
 
 /// How the camera draws a point of light: a Gaussian on a wider, faint one, its skirt.
 struct PointSpread {
-  double variance_px2 = 1;    ///< Per axis: lens, pixel, and the LED's own size.
-  double share_sd = 0.4;      ///< How well it is known, as a share of itself.
-  double skirt = 0;           ///< Height of the skirt over that of the Gaussian,
+  double variance_px2 = 1;        ///< Per axis: lens, pixel, and the LED's own size.
+  double share_sd = 0.4;          ///< How well it is known, as a share of itself.
+  double skirt = 0;               ///< Height of the skirt over that of the Gaussian,
   double skirt_variance_px2 = 0;  ///< and its variance per axis, which the LED's size
                                   ///< hardly matters to; 0: not known.
   double noise_variance = 6;      ///< Of an unlit pixel's luminance, grey levels^2.
