@@ -593,15 +593,16 @@ TEST(RelativeFilter, LearnsTheRateOfTurnThatNobodyTells) {
 }
 
 /// Told against tracked variance of the velocity, and of the position, after `pictures`
-/// of a drone that sways.
+/// of a drone that sways and drifts past.
 std::pair<double, double> told_share(const RelativeFilterConfig& config, int pictures,
-                                     double range_m) {
+                                     double range_m, double drift_m_s = 0) {
   const Rig rig = alan_rig();
   auto filter = RelativeFilter::create(config, rig.camera, rig.leds).value();
   const auto truth = [&](double t) {
     RelativeState x;
-    x.p_NB = Vector3(0.54 - range_m, 0.2 * std::sin(3 * t), 0.6);
-    x.v_NB = Vector3(0, 0.6 * std::cos(3 * t), 0);
+    const double aside_m = drift_m_s * (t - pictures / 60.0);
+    x.p_NB = Vector3(0.54 - range_m, 0.2 * std::sin(3 * t) + aside_m, 0.6);
+    x.v_NB = Vector3(0, 0.6 * std::cos(3 * t) + drift_m_s, 0);
     return x;
   };
   Rng rng(8);
@@ -629,6 +630,9 @@ TEST(RelativeFilter, TellsTheVelocityAsSmoothFlightsLeaveIt) {
   EXPECT_LT(near.second, far.second);
   EXPECT_GT(near.second, 0.85);
   EXPECT_LT(far.second, 1.2);
+  // The same curve takes a fast drone less time: 1.6 m/s after 126 pictures, and none.
+  EXPECT_GT(told_share(config, 126, 1.5, 1.0).first,
+            1.1 * told_share(config, 126, 1.5, -0.6).first);
   // What it began with is no process noise.
   EXPECT_NEAR(told_share(config, 1, 0.7).first, 1, 1e-9);
   EXPECT_GT(told_share(config, 3, 0.7).first, 0.95);

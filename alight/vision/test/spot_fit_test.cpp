@@ -136,6 +136,26 @@ TEST(SpotFit, FullPixelsDoNotPull) {
   EXPECT_LT(std::sqrt(square / found), 0.06);
 }
 
+TEST(SpotFit, ALoneLightMoreThanHalfFullIsLeftToItsBlob) {
+  // Its rim alone says less than its middle; lights that run together have no middles.
+  Rng rng(12);
+  constexpr int kRuns = 50;
+  int left = 0, told_apart = 0;
+  for (int run = 0; run < kRuns; ++run) {
+    Lights alone = draw(1, 0, rng), two = draw(2, 3, rng);
+    alone.height[0] = 1700;
+    two.height[0] = two.height[1] = 1000;
+    Picture picture(1, 100, 80);
+    picture.add(alone.uv[0], LedColor::green, alone.height[0], kSd);
+    const ImageView image = picture.expose(rng);
+    const std::vector<LightSought> start = {{alone.uv[0]}};
+    if (!fit_spots(image, start, kSpread, Vector2::Zero(), {})) ++left;
+    if (fit(two, static_cast<std::uint64_t>(run + 1), 0.2, 1)) ++told_apart;
+  }
+  EXPECT_GE(left, 45);
+  EXPECT_GE(told_apart, 45);
+}
+
 TEST(SpotFit, FindsTheWidthOfThePointSpread) {
   Rng rng(4);
   double mean = 0;
