@@ -150,10 +150,18 @@ ALIGHT_INLINE float exp_of(float x) {
   return root * root * std::bit_cast<float>((whole + 127) << 23);
 }
 
-/// How much narrower a Gaussian is than the skirt, by variance.
-ALIGHT_INLINE float core_over_skirt(const PointSpread& spread) {
-  return static_cast<float>(1 / spread.skirt_over_core());
-}
+/// The skirt of lights with their Gaussian.
+struct Skirt {
+  explicit Skirt(const PointSpread& spread)
+      : height(static_cast<float>(spread.skirt)),
+        narrower(static_cast<float>(1 / spread.skirt_over_core())) {}
+
+  float height;    // over the Gaussian's
+  float narrower;  // is the Gaussian, by variance
+
+  /// What it gives where the Gaussian gives exp(x).
+  ALIGHT_INLINE float at(float x) const { return height * exp_of(narrower * x); }
+};
 
 /// Takes the light of those beside off every pixel.
 template <Sees kSees>
@@ -165,8 +173,7 @@ void take_off(std::span<const LightBeside> beside, const PointSpread& spread,
   const double det = a * c - b * b;
   const auto i_uu = static_cast<float>(c / det), i_vv = static_cast<float>(a / det);
   const auto i_uv = static_cast<float>(-b / det);
-  const auto skirt = static_cast<float>(spread.skirt);
-  const float narrower = core_over_skirt(spread);
+  const Skirt skirt(spread);
   for (const LightBeside& other : beside) {
     const auto u = static_cast<float>(other.uv.x()),
                v = static_cast<float>(other.uv.y());
@@ -175,7 +182,7 @@ void take_off(std::span<const LightBeside> beside, const PointSpread& spread,
       const auto at = static_cast<std::size_t>(i);
       const float du = pixels.u[at] - u, dv = pixels.v[at] - v;
       const float x = -0.5f * (i_uu * du * du + 2 * i_uv * du * dv + i_vv * dv * dv);
-      float light = peak * (exp_of(x) + skirt * exp_of(narrower * x));
+      float light = peak * (exp_of(x) + skirt.at(x));
       if constexpr (kSees == Sees::own_color) light *= other.color[pixels.channel[at]];
       pixels.light[at] -= light;
     }
@@ -193,7 +200,7 @@ ALIGHT_INLINE Profile profile(int first, double middle, double height,
                               const PointSpread& spread) {
   Profile out;
   const auto per_variance = static_cast<float>(1 / spread.variance_px2);
-  const float narrower = core_over_skirt(spread);
+  const float narrower = Skirt(spread).narrower;
   const auto h = static_cast<float>(height);
   for (int k = 0; k < kBoxSide; ++k) {
     const float d = static_cast<float>(first + k) - static_cast<float>(middle);
@@ -256,8 +263,7 @@ ALIGHT_INLINE void equations_of(const Pixels& pixels, const Lights<K>& lights,
   const auto i_uu = static_cast<float>(c / det), i_vv = static_cast<float>(a / det);
   const auto i_uv = static_cast<float>(-b / det);
   const auto grow = static_cast<float>(s2 / 2);
-  const auto skirt = static_cast<float>(spread.skirt);
-  const float narrower = core_over_skirt(spread);
+  const Skirt skirt(spread);
   float* const by_width = J[kWidth];
   for (int i = 0; i < padded; ++i) {
     r[i] = pixels.light[static_cast<std::size_t>(i)] - lights.back;
@@ -277,13 +283,13 @@ ALIGHT_INLINE void equations_of(const Pixels& pixels, const Lights<K>& lights,
       const float dv = pixels.v[static_cast<std::size_t>(i)] - v;
       const float e_u = i_uu * du + i_uv * dv, e_v = i_uv * du + i_vv * dv;
       const float x = -0.5f * (du * e_u + dv * e_v);
-      float core = exp_of(x), wide = skirt * exp_of(narrower * x);
+      float core = exp_of(x), wide = skirt.at(x);
       if constexpr (kSees == Sees::own_color) {
         const float gain = gains[k][static_cast<std::size_t>(i)];
         core *= gain;
         wide *= gain;
       }
-      const float slope = peak * (core + narrower * wide);
+      const float slope = peak * (core + skirt.narrower * wide);
       r[i] -= peak * (core + wide);
       J_u[i] = slope * e_u;
       J_v[i] = slope * e_v;
@@ -341,8 +347,7 @@ ColorSeen color_of(const Pixels& pixels, const Lights<K>& lights,
   const double s2 = spread.variance_px2 * lights.width;
   const Matrix2 image = s2 * Matrix2::Identity() + blur * blur.transpose() / 12;
   const Matrix2 by_image = image.inverse();
-  const auto skirt = static_cast<float>(spread.skirt);
-  const float narrower = core_over_skirt(spread);
+  const Skirt skirt(spread);
   // Of pixels that are not full, and of those that are.
   std::array<std::array<float, 3>, 2> seen{}, light2{};
   for (int i = 0; i < pixels.count; ++i) {
@@ -351,7 +356,7 @@ ColorSeen color_of(const Pixels& pixels, const Lights<K>& lights,
     for (std::size_t k = 0; k < K; ++k) {
       const Vector2 d = Vector2(pixels.u[at], pixels.v[at]) - lights.uv[k];
       const auto x = static_cast<float>(-0.5 * d.dot(by_image * d));
-      light += lights.height[k] * (exp_of(x) + skirt * exp_of(narrower * x));
+      light += lights.height[k] * (exp_of(x) + skirt.at(x));
     }
     const std::size_t full = pixels.full[at] > 0 ? 1 : 0, c = pixels.channel[at];
     const float weight = pixels.weight[at] * light;
@@ -555,7 +560,8 @@ ALIGHT_INLINE std::optional<SkirtLook> skirt_of(const ImageView& image,
     pixels.weight[static_cast<std::size_t>(i)] *=
         1 - pixels.full[static_cast<std::size_t>(i)];
   }
-  const float half = 0.5f * core_over_skirt(spread);
+  const Skirt own(spread);
+  const float half = 0.5f * own.narrower;
   for (const LightBeside& light : lights) {
     // As round as these lights are, a factor for each column and one for each row do.
     const Profile along = profile(u0, light.uv.x(), 1, spread);
@@ -585,14 +591,13 @@ ALIGHT_INLINE std::optional<SkirtLook> skirt_of(const ImageView& image,
     }
   }
   // Least squares over an even background, the skirt's height and its variance.
-  const auto height = static_cast<float>(spread.skirt);
   alignas(32) float rest[kPixelsMax], one[kPixelsMax];
   for (int i = 0; i < padded; ++i) {
     const auto at = static_cast<std::size_t>(i);
     const float doubt = kCoreDoubt * core[i];
     pixels.weight[at] /= 1 + pixels.weight[at] * doubt * doubt;
-    rest[i] = pixels.light[at] - core[i] - height * wide[i];
-    wider[i] *= height;
+    rest[i] = pixels.light[at] - core[i] - own.height * wide[i];
+    wider[i] *= own.height;
     one[i] = 1;
   }
   const float* const J[2] = {wide, wider};

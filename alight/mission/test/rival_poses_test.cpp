@@ -70,6 +70,20 @@ class Hall {
     return blobs;
   }
 
+  /// The pose by LEDs 2 to 5, each told for what `as` says.
+  Result<PoseFit> read(double s, std::initializer_list<int> as) {
+    const auto blobs = picture(s);
+    FixedVector<LedObservation, kMaxLeds> seen;
+    for (const int led : as) {
+      LedObservation o;
+      o.leds = static_cast<std::uint16_t>(1u << led);
+      o.uv = blobs[seen.size() + 2].uv;
+      o.cov = 0.01 * Matrix2::Identity();
+      seen.push_back(o);
+    }
+    return refine_pose(rig_.camera, rig_.leds, {seen.data(), seen.size()}, at(s));
+  }
+
  private:
   Rig rig_;
   Rng rng_;
@@ -150,21 +164,6 @@ INSTANTIATE_TEST_SUITE_P(Cases, RivalPosesMany,
                                          Case{"TwoDarkAmong100", 2, 100, 4, 0}),
                          [](const auto& of) { return of.param.name; });
 
-/// The pose by LEDs 2 to 5, each told for what `as` says.
-Result<PoseFit> read_as(Hall& hall, const Rig& rig, double s,
-                        std::initializer_list<int> as) {
-  const auto blobs = hall.picture(s);
-  FixedVector<LedObservation, kMaxLeds> seen;
-  for (const int led : as) {
-    LedObservation o;
-    o.leds = static_cast<std::uint16_t>(1u << led);
-    o.uv = blobs[seen.size() + 2].uv;
-    o.cov = 0.01 * Matrix2::Identity();
-    seen.push_back(o);
-  }
-  return refine_pose(rig.camera, rig.leds, {seen.data(), seen.size()}, hall.at(s));
-}
-
 /// What the rivals say of LEDs 2 to 5 at `s`, `fresh` having been proposed.
 Result<FoundLeds> decide(Watcher& watcher, Hall& hall, double s,
                          const std::vector<LedRival>& fresh) {
@@ -181,10 +180,7 @@ TEST(RivalPoses, WhoComesLaterStartsLevel) {
   int halls = 0, told = 0, right = 0;
   for (unsigned seed = 0; seed < 80; ++seed) {
     Hall hall(watcher.rig, 0, 0, seed);
-    const auto lit = [&](double s, std::initializer_list<int> as) {
-      return read_as(hall, watcher.rig, s, as);
-    };
-    const auto taken = lit(0, {1, 3, 4, 5});
+    const auto taken = hall.read(0, {1, 3, 4, 5});
     if (!taken || taken->rms_px > 1 ||
         angle_between(taken->X_NB.linear(), hall.at(0).linear()) < 15 * kDegree) {
       continue;  // such a pose is not followed, or no other
@@ -194,7 +190,8 @@ TEST(RivalPoses, WhoComesLaterStartsLevel) {
     for (int k = 0; k < 40; ++k) {
       const double s = k / 60.0;
       std::vector<LedRival> fresh;
-      const auto wrong = lit(s, {1, 3, 4, 5}), as_they_are = lit(s, {2, 3, 4, 5});
+      const auto wrong = hall.read(s, {1, 3, 4, 5}),
+                 as_they_are = hall.read(s, {2, 3, 4, 5});
       if (wrong && wrong->rms_px < 1) fresh.push_back({wrong->X_NB, wrong->cov, 4});
       if (k >= 7 && as_they_are) {
         fresh.push_back({as_they_are->X_NB, as_they_are->cov, 4});
@@ -220,10 +217,7 @@ TEST(RivalPoses, WhoComesLateAndFitsWorseStartsBehind) {
   int halls = 0, told = 0;
   for (unsigned seed = 0; seed < 80; ++seed) {
     Hall hall(watcher.rig, 0, 0, seed);
-    const auto read = [&](double s, std::initializer_list<int> as) {
-      return read_as(hall, watcher.rig, s, as);
-    };
-    const auto taken = read(0, {1, 3, 4, 5});
+    const auto taken = hall.read(0, {1, 3, 4, 5});
     if (!taken || taken->rms_px < 0.5 || taken->rms_px > 2 ||
         angle_between(taken->X_NB.linear(), hall.at(0).linear()) < 15 * kDegree) {
       continue;
@@ -233,7 +227,8 @@ TEST(RivalPoses, WhoComesLateAndFitsWorseStartsBehind) {
     for (int k = 0; k < 13; ++k) {
       const double s = k / 60.0;
       std::vector<LedRival> fresh;
-      const auto wrong = read(s, {1, 3, 4, 5}), as_they_are = read(s, {2, 3, 4, 5});
+      const auto wrong = hall.read(s, {1, 3, 4, 5}),
+                 as_they_are = hall.read(s, {2, 3, 4, 5});
       if (as_they_are) fresh.push_back({as_they_are->X_NB, as_they_are->cov, 4});
       if (k >= 9 && wrong) fresh.push_back({wrong->X_NB, wrong->cov, 4});
       const auto found = decide(watcher, hall, s, fresh);
