@@ -12,6 +12,7 @@ constexpr float kFaintest = 0.25f;     // counts; below it nothing is drawn
 constexpr double kShotPerCount = 0.1;  // variance of a pixel by its level, at noise 1
 constexpr double kReach = 4;           // standard deviations
 constexpr int kLargestBox = 256;       // px
+constexpr double kUnmoved = 0.2;       // px; adds 0.003 px^2 to the variance.
 
 /// The normal distribution function by table: exact to 1e-6 between -5 and 5.
 class NormalCdf {
@@ -130,11 +131,17 @@ void SpotPainter::paint(const Spot& spot, Rng& rng, ColorBuffer& out) {
 }
 
 void SpotPainter::accumulate(const Spot& spot, double sd, double flux, const Box& box) {
-  // Less than a standard deviation apart, samples of the path look like the path.
+  // Less than a standard deviation apart, samples of the path look like the path, when
+  // they are spread so that their variance is the path's.
+  const double moved = length(spot.path);
   const int samples =
-      std::clamp(static_cast<int>(std::ceil(length(spot.path) / (0.7 * sd))), 1, 128);
+      moved < kUnmoved
+          ? 1
+          : std::clamp(static_cast<int>(std::ceil(moved / (0.7 * sd))), 2, 128);
+  const double spread = samples > 1 ? 1 / std::sqrt(1 - 1.0 / (samples * samples)) : 0;
   for (int k = 0; k < samples; ++k) {
-    const Vector2 uv = along(spot.path, (k + 0.5) / samples);
+    const double off = (k + 0.5) / samples - 0.5;
+    const Vector2 uv = along(spot.path, 0.5 + spread * off);
     const double reach = kReach * sd + 1;
     const int u0 = std::max(box.u0, static_cast<int>(std::floor(uv.x() - reach)));
     const int v0 = std::max(box.v0, static_cast<int>(std::floor(uv.y() - reach)));

@@ -150,39 +150,60 @@ ALIGHT_INLINE float exp_of(float x) {
   return root * root * std::bit_cast<float>((whole + 127) << 23);
 }
 
-/// The skirt of lights with their Gaussian.
-struct Skirt {
-  explicit Skirt(const PointSpread& spread)
-      : height(static_cast<float>(spread.skirt)),
-        narrower(static_cast<float>(1 / spread.skirt_over_core())) {}
+/// A Gaussian that moves by `blur` while it is seen, by its second moments.
+struct Moved {
+  Moved(double variance_px2, const Vector2& blur) {
+    const double a = variance_px2 + blur.x() * blur.x() / 12;
+    const double c = variance_px2 + blur.y() * blur.y() / 12;
+    const double b = blur.x() * blur.y() / 12;
+    const double det = a * c - b * b;
+    uu = static_cast<float>(c / det);
+    uv = static_cast<float>(-b / det);
+    vv = static_cast<float>(a / det);
+    kept = variance_px2 / std::sqrt(det);
+  }
 
-  float height;    // over the Gaussian's
-  float narrower;  // is the Gaussian, by variance
+  float uu, uv, vv;  // of its covariance's inverse
+  double kept;       // of its height
 
-  /// What it gives where the Gaussian gives exp(x).
-  ALIGHT_INLINE float at(float x) const { return height * exp_of(narrower * x); }
+  /// The inverse times (du, dv).
+  ALIGHT_INLINE float along_u(float du, float dv) const { return uu * du + uv * dv; }
+  ALIGHT_INLINE float along_v(float du, float dv) const { return uv * du + vv * dv; }
+  ALIGHT_INLINE float at(float du, float dv) const {
+    return exp_of(-0.5f * (du * along_u(du, dv) + dv * along_v(du, dv)));
+  }
+};
+
+/// A light whose peak is 1: its Gaussian, and the skirt beside that.
+struct Shape {
+  Shape(const PointSpread& spread, const Vector2& blur, double width = 1)
+      : core_variance(width * spread.variance_px2),
+        wide_variance(spread.skirt_over_core() * core_variance),
+        core(core_variance, blur),
+        wide(wide_variance, blur),
+        skirt(static_cast<float>(spread.skirt * wide.kept / core.kept)) {}
+
+  double core_variance, wide_variance;
+  Moved core, wide;
+  float skirt;  // height, over the Gaussian's
+
+  ALIGHT_INLINE float at(float du, float dv) const {
+    return core.at(du, dv) + skirt * wide.at(du, dv);
+  }
 };
 
 /// Takes the light of those beside off every pixel.
 template <Sees kSees>
 void take_off(std::span<const LightBeside> beside, const PointSpread& spread,
               const Vector2& blur, Pixels& pixels) {
-  const double s2 = spread.variance_px2;
-  const double a = s2 + blur.x() * blur.x() / 12, c = s2 + blur.y() * blur.y() / 12;
-  const double b = blur.x() * blur.y() / 12;
-  const double det = a * c - b * b;
-  const auto i_uu = static_cast<float>(c / det), i_vv = static_cast<float>(a / det);
-  const auto i_uv = static_cast<float>(-b / det);
-  const Skirt skirt(spread);
+  const Shape shape(spread, blur);
   for (const LightBeside& other : beside) {
     const auto u = static_cast<float>(other.uv.x()),
                v = static_cast<float>(other.uv.y());
     const auto peak = static_cast<float>(other.height);
     for (int i = 0; i < pixels.padded; ++i) {
       const auto at = static_cast<std::size_t>(i);
-      const float du = pixels.u[at] - u, dv = pixels.v[at] - v;
-      const float x = -0.5f * (i_uu * du * du + 2 * i_uv * du * dv + i_vv * dv * dv);
-      float light = peak * (exp_of(x) + skirt.at(x));
+      float light = peak * shape.at(pixels.u[at] - u, pixels.v[at] - v);
       if constexpr (kSees == Sees::own_color) light *= other.color[pixels.channel[at]];
       pixels.light[at] -= light;
     }
@@ -200,7 +221,7 @@ ALIGHT_INLINE Profile profile(int first, double middle, double height,
                               const PointSpread& spread) {
   Profile out;
   const auto per_variance = static_cast<float>(1 / spread.variance_px2);
-  const float narrower = Skirt(spread).narrower;
+  const auto narrower = static_cast<float>(1 / spread.skirt_over_core());
   const auto h = static_cast<float>(height);
   for (int k = 0; k < kBoxSide; ++k) {
     const float d = static_cast<float>(first + k) - static_cast<float>(middle);
@@ -255,15 +276,9 @@ ALIGHT_INLINE void equations_of(const Pixels& pixels, const Lights<K>& lights,
   alignas(32) float J[kN][kPixelsMax];
   alignas(32) float r[kPixelsMax], weight[kPixelsMax], wJ[kPixelsMax];
   const int padded = pixels.padded;
-  const double s2 = spread.variance_px2 * lights.width;
-  const double a = s2 + blur.x() * blur.x() / 12, c = s2 + blur.y() * blur.y() / 12;
-  const double b = blur.x() * blur.y() / 12;
-  const double det = a * c - b * b;
-  // Inverse of the image's covariance.
-  const auto i_uu = static_cast<float>(c / det), i_vv = static_cast<float>(a / det);
-  const auto i_uv = static_cast<float>(-b / det);
-  const auto grow = static_cast<float>(s2 / 2);
-  const Skirt skirt(spread);
+  const Shape shape(spread, blur, lights.width);
+  const auto grow_core = static_cast<float>(shape.core_variance / 2);
+  const auto grow_wide = static_cast<float>(shape.wide_variance / 2);
   float* const by_width = J[kWidth];
   for (int i = 0; i < padded; ++i) {
     r[i] = pixels.light[static_cast<std::size_t>(i)] - lights.back;
@@ -281,20 +296,21 @@ ALIGHT_INLINE void equations_of(const Pixels& pixels, const Lights<K>& lights,
     for (int i = 0; i < padded; ++i) {
       const float du = pixels.u[static_cast<std::size_t>(i)] - u;
       const float dv = pixels.v[static_cast<std::size_t>(i)] - v;
-      const float e_u = i_uu * du + i_uv * dv, e_v = i_uv * du + i_vv * dv;
-      const float x = -0.5f * (du * e_u + dv * e_v);
-      float core = exp_of(x), wide = skirt.at(x);
+      const float c_u = shape.core.along_u(du, dv), c_v = shape.core.along_v(du, dv);
+      const float w_u = shape.wide.along_u(du, dv), w_v = shape.wide.along_v(du, dv);
+      float core = exp_of(-0.5f * (du * c_u + dv * c_v));
+      float wide = shape.skirt * exp_of(-0.5f * (du * w_u + dv * w_v));
       if constexpr (kSees == Sees::own_color) {
         const float gain = gains[k][static_cast<std::size_t>(i)];
         core *= gain;
         wide *= gain;
       }
-      const float slope = peak * (core + skirt.narrower * wide);
-      r[i] -= peak * (core + wide);
-      J_u[i] = slope * e_u;
-      J_v[i] = slope * e_v;
       J_h[i] = core + wide;
-      by_width[i] += slope * grow * (e_u * e_u + e_v * e_v);
+      r[i] -= peak * J_h[i];
+      J_u[i] = peak * (core * c_u + wide * w_u);
+      J_v[i] = peak * (core * c_v + wide * w_v);
+      by_width[i] += peak * (grow_core * core * (c_u * c_u + c_v * c_v) +
+                             grow_wide * wide * (w_u * w_u + w_v * w_v));
     }
   }
   for (int i = 0; i < padded; ++i) {
@@ -344,19 +360,16 @@ struct ColorSeen {
 template <int K>
 ColorSeen color_of(const Pixels& pixels, const Lights<K>& lights,
                    const PointSpread& spread, const Vector2& blur) {
-  const double s2 = spread.variance_px2 * lights.width;
-  const Matrix2 image = s2 * Matrix2::Identity() + blur * blur.transpose() / 12;
-  const Matrix2 by_image = image.inverse();
-  const Skirt skirt(spread);
+  const Shape shape(spread, blur, lights.width);
   // Of pixels that are not full, and of those that are.
   std::array<std::array<float, 3>, 2> seen{}, light2{};
   for (int i = 0; i < pixels.count; ++i) {
     const auto at = static_cast<std::size_t>(i);
     float light = 0;
     for (std::size_t k = 0; k < K; ++k) {
-      const Vector2 d = Vector2(pixels.u[at], pixels.v[at]) - lights.uv[k];
-      const auto x = static_cast<float>(-0.5 * d.dot(by_image * d));
-      light += lights.height[k] * (exp_of(x) + skirt.at(x));
+      light += lights.height[k] *
+               shape.at(pixels.u[at] - static_cast<float>(lights.uv[k].x()),
+                        pixels.v[at] - static_cast<float>(lights.uv[k].y()));
     }
     const std::size_t full = pixels.full[at] > 0 ? 1 : 0, c = pixels.channel[at];
     const float weight = pixels.weight[at] * light;
@@ -560,8 +573,8 @@ ALIGHT_INLINE std::optional<SkirtLook> skirt_of(const ImageView& image,
     pixels.weight[static_cast<std::size_t>(i)] *=
         1 - pixels.full[static_cast<std::size_t>(i)];
   }
-  const Skirt own(spread);
-  const float half = 0.5f * own.narrower;
+  const auto height = static_cast<float>(spread.skirt);
+  const auto half = static_cast<float>(0.5 / spread.skirt_over_core());
   for (const LightBeside& light : lights) {
     // As round as these lights are, a factor for each column and one for each row do.
     const Profile along = profile(u0, light.uv.x(), 1, spread);
@@ -596,8 +609,8 @@ ALIGHT_INLINE std::optional<SkirtLook> skirt_of(const ImageView& image,
     const auto at = static_cast<std::size_t>(i);
     const float doubt = kCoreDoubt * core[i];
     pixels.weight[at] /= 1 + pixels.weight[at] * doubt * doubt;
-    rest[i] = pixels.light[at] - core[i] - own.height * wide[i];
-    wider[i] *= own.height;
+    rest[i] = pixels.light[at] - core[i] - height * wide[i];
+    wider[i] *= height;
     one[i] = 1;
   }
   const float* const J[2] = {wide, wider};

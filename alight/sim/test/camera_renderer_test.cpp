@@ -267,6 +267,34 @@ TEST(CameraRenderer, MotionBlursAlongThePath) {
   }
 }
 
+// Of a way shorter than the light, too, which one or two images of it would not show.
+TEST(CameraRenderer, ShortMotionBlursByAsMuch) {
+  const Rig rig = wide_rig();
+  CameraRenderer renderer = make(clean(), rig);
+  const ColorBuffer dark = unlit(renderer);
+  for (const double step_m : {0.0005, 0.001, 0.0015}) {
+    double wanted = 0, found = 0;
+    constexpr int kPlaces = 30;
+    for (int place = 0; place < kPlaces; ++place) {
+      const Vector3 p_NB(-0.8, 0.0013 * place, 0.5 + 0.0007 * place);
+      const auto at = [&](double offset) {
+        return facing(p_NB + Vector3(0, offset, 0));
+      };
+      const auto image = [&](double offset) {
+        return *project_led(rig.camera, at(offset).X_NB, rig.leds.p_BL(3));
+      };
+      const Vector2 way = image(step_m) - image(-step_m), middle = image(0);
+      const Moments sharp = moments(picture(renderer, {at(0)}), dark, middle, 16);
+      const Moments blurred =
+          moments(picture(renderer, {at(-step_m), at(step_m)}), dark, middle, 16);
+      const Vector2 along = way.normalized();
+      wanted += way.squaredNorm() / 12 / kPlaces;
+      found += along.dot((blurred.cov - sharp.cov) * along) / kPlaces;
+    }
+    EXPECT_NEAR(found, wanted, 0.01 + 0.15 * wanted) << step_m;
+  }
+}
+
 TEST(CameraRenderer, ABrightCoreIsWhiteAndItsSurroundingsColoured) {
   CameraSimConfig config = clean();
   config.led_peak_max = 2000;
