@@ -208,6 +208,35 @@ TEST(SpotFit, ALightBesideDoesNotPull) {
   }
 }
 
+// A skirt is wider than its light: the same way makes it wider by less.
+TEST(SpotFit, OfLightsThatMoveTheSkirtsDoNotPullEither) {
+  Rng rng(12);
+  PointSpread with_skirt = kSpread;
+  with_skirt.skirt = 0.06;
+  constexpr int kRuns = 200, kInstants = 12;
+  for (const double apart : {4.0, 5.0, 6.0}) {
+    double pulled = 0;
+    for (int run = 0; run < kRuns; ++run) {
+      Picture picture(3, 100, 80);
+      const Vector2 uv(50 + rng.uniform(), 40 + rng.uniform());
+      const Vector2 towards(std::cos(run), std::sin(run));
+      const Vector2 blur = 2.5 * towards;
+      const Vector2 other = uv + apart * towards;
+      for (int k = 0; k < kInstants; ++k) {
+        const Vector2 moved = ((k + 0.5) / kInstants - 0.5) * blur;
+        add_with_skirt(picture, uv + moved, 240.0 / kInstants, with_skirt.skirt);
+        add_with_skirt(picture, other + moved, 240.0 / kInstants, with_skirt.skirt);
+      }
+      const ImageView image = picture.expose(rng);
+      const std::vector<LightSought> starts = {{uv}, {other}};
+      const auto fitted = fit_spots(image, starts, with_skirt, blur, {});
+      ASSERT_TRUE(fitted);
+      pulled += towards.dot(fitted->uv[0] - uv - (fitted->uv[1] - other)) / 2 / kRuns;
+    }
+    EXPECT_LT(std::abs(pulled), 0.005) << apart;
+  }
+}
+
 TEST(SpotFit, FindsTheSkirt) {
   Rng rng(8);
   for (const double skirt : {0.0, 0.03, 0.08}) {
