@@ -40,18 +40,20 @@ constexpr Seconds kGoesOnAlike = 0.05, kTurnsElsewhere = 0.1;
 // Where the place is white noise integrated three times, and seen in white noise, half
 // the variance of the velocity is the process's, however large either is (it goes with
 // the square root of both). Of drones little more than the other half is left where the
-// filter averages over less than they take to change their push, all where it averages
-// over more, and of fast ones more than of slow ones: the same curve takes them less
-// time. Measured on Alight's own flights, clean and hard.
-constexpr double kVelocityLeast = 0.5;
-constexpr Seconds kPushesAlike = 0.147;
-constexpr double kPushesEnd = 1.7;  // exponent; how sudden the one becomes the other
-// Share of that variance for each m^2/s^2 of squared speed beyond the usual.
-constexpr double kFaster = 0.105, kFast2 = 0.8, kFastest2 = 3.3;
+// filter averages over less than they take to change their push, most where it averages
+// over more. Measured on Alight's own flights, clean and hard.
+constexpr double kVelocityLeast = 0.57;
+constexpr Seconds kPushesAlike = 0.4;
+constexpr double kPushesEnd = 1.2;  // exponent; how sudden the one becomes the other
+// The more corrections of what pushes the drone have lately gone on in one direction,
+// the farther the velocity lags behind. Exponent of their mean square, of what it is as
+// a rule, and over how many pictures it is taken.
+constexpr double kLags = 0.22, kTrendUsual = 0.45, kTrendLeast = 0.1, kTrendMost = 8;
+constexpr double kTrendMemory = 12;
 // Share of a picture's noise that stays for the next: to average more pictures than
 // usual gains less than it seems to, and fewer lose less.
-constexpr double kNoiseAlike = 0.018;
-constexpr double kAveragedUsual = 8, kAveragedLeast = 2, kAveragedMost = 18;
+constexpr double kNoiseAlike = 0.021;
+constexpr double kAveragedUsual = 7.4, kAveragedLeast = 2, kAveragedMost = 18;
 // Six LEDs show six directions of their errors. What is learnt from these varies; the
 // mean of 1 / chi^2 of six degrees of freedom is 1.5 / 6.
 constexpr double kLedCaution = 1.2247;  // sqrt(1.5)
@@ -198,6 +200,7 @@ void RelativeFilter::reset(Time t, const RelativeState& x,
   restless_ = 1;
   of_d_.forget();
   of_turn_.forget();
+  lately_of_d_ = kTrendUsual;
   updates_ = in_a_row_ = 0;
   measured_v_NB_ = x.v_NB;
 }
@@ -377,6 +380,7 @@ void RelativeFilter::learn_restlessness() {
   if (trend > kImprobableTrend) factor = trend;
   if (mean > kImprobable) factor = mean;
   restless_ = std::clamp(factor * restless_, kRestlessLeast, kRestlessMost);
+  lately_of_d_ += (std::min(of_d_.ratio(), kTrendMost) - lately_of_d_) / kTrendMemory;
 }
 
 Result<void> RelativeFilter::prepare(const LedFrame& frame,
@@ -813,9 +817,9 @@ Covariance9 RelativeFilter::as_flown() const {
   const double settled = std::min(in_a_row_ / kCarriedFor, 1.0);
   const double less =
       (1 - kVelocityLeast) * std::exp(-std::pow(averaged_s / kPushesAlike, kPushesEnd));
-  const double speed2 = std::min(state_.x.v_NB.squaredNorm(), kFastest2);
-  const double pushed =
-      (1 - settled * less) * (1 + settled * kFaster * (speed2 - kFast2));
+  const double lags =
+      std::pow(std::max(lately_of_d_ / kTrendUsual, kTrendLeast), settled * kLags);
+  const double pushed = (1 - settled * less) * lags;
   const double pictures =
       std::clamp(averaged_s / between_s_, kAveragedLeast, kAveragedMost);
   const double noise = 1 + settled * kNoiseAlike * (pictures - kAveragedUsual);

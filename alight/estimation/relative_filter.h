@@ -199,9 +199,9 @@ class RelativeFilter {
   void watch_residuals();
   double led_sd_m() const;
   /// tracking_covariance() without what white noise makes of it. Drones move smoothly:
-  /// what the process noise adds to the velocity within a moment is not there. And of
-  /// what a picture shows off, a small share is the same in the next: averaging leaves
-  /// more of it than of white noise.
+  /// what the process noise adds to the velocity within a moment is not there, unless
+  /// what pushes them is seen to change. And of what a picture shows off, a small share
+  /// is the same in the next: averaging leaves more of it than of white noise.
   Covariance9 as_flown() const;
   /// What of covariance() the LEDs as a whole are (RelativeFilterConfig::led_frame).
   Covariance9 led_frame_covariance() const;
@@ -232,6 +232,7 @@ class RelativeFilter {
   TurnRate turn_;
   double restless_ = 1;  // factor on the process noise
   CorrectionTrend of_d_, of_turn_;
+  double lately_of_d_ = 0;  // mean of of_d_.ratio()
 
   // The paper's velocity measurement.
   int updates_ = 0;  // since reset

@@ -104,7 +104,7 @@ RelativeFilterConfig RelativeFilterConfig::camera_only() {
              .disturbance = 0.2,
              .updraught = 0.2,
              .bias = 0.01,
-             .thrust = 2.5,
+             .thrust = 5,
              .turn = 2};
   c.updraught_sd = c.disturbance_sd;
   c.bias_sd = c.lift_sd = 0.2;
