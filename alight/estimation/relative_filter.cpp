@@ -42,18 +42,18 @@ constexpr Seconds kGoesOnAlike = 0.05, kTurnsElsewhere = 0.1;
 // the square root of both). Of drones little more than the other half is left where the
 // filter averages over less than they take to change their push, most where it averages
 // over more. Measured on Alight's own flights, clean and hard.
-constexpr double kVelocityLeast = 0.57;
-constexpr Seconds kPushesAlike = 0.4;
-constexpr double kPushesEnd = 1.2;  // exponent; how sudden the one becomes the other
+constexpr double kVelocityLeast = 0.24;
+constexpr Seconds kPushesAlike = 0.165;
+constexpr double kPushesEnd = 0.66;  // exponent; how sudden the one becomes the other
 // The more corrections of what pushes the drone have lately gone on in one direction,
 // the farther the velocity lags behind. Exponent of their mean square, of what it is as
 // a rule, and over how many pictures it is taken.
-constexpr double kLags = 0.22, kTrendUsual = 0.45, kTrendLeast = 0.1, kTrendMost = 8;
+constexpr double kLags = 0.225, kTrendUsual = 0.45, kTrendLeast = 0.1, kTrendMost = 8;
 constexpr double kTrendMemory = 12;
 // Share of a picture's noise that stays for the next: to average more pictures than
 // usual gains less than it seems to, and fewer lose less.
-constexpr double kNoiseAlike = 0.021;
-constexpr double kAveragedUsual = 7.4, kAveragedLeast = 2, kAveragedMost = 18;
+constexpr double kNoiseAlike = 0.0226;
+constexpr double kAveragedUsual = 7.8, kAveragedLeast = 2, kAveragedMost = 18;
 // Six LEDs show six directions of their errors. What is learnt from these varies; the
 // mean of 1 / chi^2 of six degrees of freedom is 1.5 / 6.
 constexpr double kLedCaution = 1.2247;  // sqrt(1.5)
