@@ -651,7 +651,6 @@ TEST(RelativeFilter, TellsTheVelocityMoreVaguelyWhileItLags) {
       auto filter = RelativeFilter::create(config, rig.camera, rig.leds).value();
       Rng rng(seed);
       RelativeState x;
-      filter.reset(0, x, start_covariance());
       for (int k = 0; k <= kPictures; ++k) {
         const Time t = from_seconds(k / 60.0);
         const double rising_s = std::max(k - (kPictures - kJerked), 0) / 60.0;
