@@ -374,13 +374,14 @@ void RelativeFilter::learn_restlessness() {
   double sum = 0;
   for (const ObservationReport& o : report_.seen) sum += o.nis;
   const double mean = sum / (2 * report_.used);  // 1 by the model
-  const double trend = 0.5 * (of_d_.ratio() + of_turn_.ratio()) / kSmooth;
+  const double of_d = of_d_.ratio();
+  const double trend = 0.5 * (of_d + of_turn_.ratio()) / kSmooth;
   const double gain = std::max(kRestlessGain, 1.0 / (updates_ + 1));
   double factor = 1 + gain * (trend - 1);
   if (trend > kImprobableTrend) factor = trend;
   if (mean > kImprobable) factor = mean;
   restless_ = std::clamp(factor * restless_, kRestlessLeast, kRestlessMost);
-  lately_of_d_ += (std::min(of_d_.ratio(), kTrendMost) - lately_of_d_) / kTrendMemory;
+  lately_of_d_ += (std::min(of_d, kTrendMost) - lately_of_d_) / kTrendMemory;
 }
 
 Result<void> RelativeFilter::prepare(const LedFrame& frame,

@@ -408,7 +408,8 @@ TEST(LandingFaults, APilotWhoKeepsItHasIt) {
 // the climb that they had asked for was taken for a wind from below, of 3.5 m/s^2, and
 // what was sent against it had the drone sink beside the platform and fly into it.
 TEST(LandingFaults, WhatIsAskedForAsTheLinkComesBackIsNoWind) {
-  for (const unsigned seed : {2u, 3u, 14u}) {
+  double most = 0;
+  for (const unsigned seed : {2u, 3u, 6u, 9u, 14u}) {
     SCOPED_TRACE(seed);
     struct : RunObserver {
       double most = 0;
@@ -426,9 +427,10 @@ TEST(LandingFaults, WhatIsAskedForAsTheLinkComesBackIsNoWind) {
     const auto result = run_landing(options, &watch);
     ASSERT_TRUE(result);
     EXPECT_EQ(result->outcome, Outcome::landed) << result->reason;
-    EXPECT_GT(watch.most, 0);
     EXPECT_LT(watch.most, 2.2);
+    most = std::max(most, watch.most);
   }
+  EXPECT_GT(most, 1) << "they all stood on the pad before";
 }
 
 // Nothing gets to a drone any more whose pad stops beneath it: it flies on into what
