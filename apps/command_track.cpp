@@ -22,7 +22,7 @@ struct Settings {
   bool json = false;
 };
 
-void print(const Settings& settings, const TrackRunResult& result) {
+void print(const Settings& settings, const Rig& rig, const TrackRunResult& result) {
   std::printf("%s: %d of %zu pictures tracked (%.2f %%) by %s\n",
               settings.source.c_str(), result.tracked, result.pictures.size(),
               100 * result.tracked_share(), settings.method.c_str());
@@ -36,6 +36,12 @@ void print(const Settings& settings, const TrackRunResult& result) {
                                           ? "measured by the parked drone"
                                           : "not measured: the parked drone was not "
                                             "seen well enough, taken as written");
+  }
+  if (rig.gamma == 0 && result.gamma != 1) {
+    std::printf(
+        "camera        stores light by the power 1 / %.2f, its pictures show: write "
+        "camera: gamma: %.2f in the rig\n",
+        result.gamma, result.gamma);
   }
   std::printf("longest gap   %.3f s; found without a prior %d times\n",
               result.longest_gap, result.searches);
@@ -67,7 +73,7 @@ Result<void> track(const Settings& settings) {
     std::cout << track_json(options, *result);
     return {};
   }
-  print(settings, *result);
+  print(settings, *rig, *result);
   if (!settings.out.empty()) {
     std::printf("recorded in   %s\n", settings.out.c_str());
   }

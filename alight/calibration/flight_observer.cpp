@@ -50,6 +50,8 @@ FlightObserver::FlightObserver(const FlightObserverConfig& config, const Rig& ri
     : config_(config),
       rig_(rig),
       estimator_(std::move(estimator)),
+      linear_(rig.camera.intrinsics.width, rig.camera.intrinsics.height,
+              estimator_.gamma()),
       detector_(std::move(detector)),
       finder_(std::move(finder)),
       tracker_(std::move(tracker)),
@@ -57,7 +59,11 @@ FlightObserver::FlightObserver(const FlightObserverConfig& config, const Rig& ri
 
 void FlightObserver::look(const CameraFrame& frame) {
   ++pictures_;
-  const auto blobs = detector_.detect(frame.color, frame.depth);
+  if (linear_.gamma() != estimator_.gamma()) linear_.set_gamma(estimator_.gamma());
+  Result<BlobSpan> blobs = fail(Fault::invalid_input);
+  if (detector_.takes(frame.color, frame.depth)) {
+    blobs = detector_.detect(linear_.of(frame.color), frame.depth);
+  }
   ObservedFrame out;
   const bool found = observe(frame, blobs ? *blobs : BlobSpan(), out);
   lights_.add(blobs ? *blobs : BlobSpan(), found ? &out : nullptr);

@@ -43,6 +43,7 @@ class FlightObserver {
   FlightObserverConfig config_;
   Rig rig_;
   RelativeEstimator estimator_;
+  LinearPicture linear_;
   BlobDetector detector_;
   LedFinder finder_;
   LedTracker tracker_;

@@ -39,6 +39,7 @@ Result<void> Rig::validate() const {
   check.range("camera.rate_hz", timing.rate_hz, 1, 1000);
   check.range("camera.exposure_ms", timing.exposure_ms, 0.001, 1000 / timing.rate_hz);
   check.range("camera.readout_ms", timing.readout_ms, 0, 1000 / timing.rate_hz);
+  if (gamma != 0) check.range("camera.gamma", gamma, kGammaLeast, kGammaMost);
   check.range("camera.frame_to_use_ms", timing.frame_to_use_ms, 0, 400);
   finite(check, "mount.xyz_m", camera.X_NC.translation());
   check.that(camera.X_NC.linear().allFinite(), "mount.rpy_deg is not finite");

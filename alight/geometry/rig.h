@@ -100,6 +100,9 @@ struct Rig {
   /// Of a camera whose pictures keep what each pixel saw: raw ones, and those that were
   /// interpolated to colours but neither compressed nor scaled.
   Mosaic mosaic = Mosaic::none;
+  /// The camera stores light by its power 1 / gamma, 1: as it is; 0: not known.
+  double gamma = 0;
+  static constexpr double kGammaLeast = 0.4, kGammaMost = 3;
   Constellation leds;
   LedFrameSpec led_frame;
   DroneSpec drone;

@@ -30,6 +30,7 @@ void read_camera(YamlMap map, Rig& rig) {
                    {"bggr", Mosaic::bggr},
                    {"grbg", Mosaic::grbg},
                    {"gbrg", Mosaic::gbrg}});
+  map.read("gamma", rig.gamma);
 }
 
 void read_mount(YamlMap map, Pose& X_NC) {
@@ -236,6 +237,7 @@ std::string rig_text(const Rig& rig) {
   field("readout_ms", rig.timing.readout_ms);
   field("frame_to_use_ms", rig.timing.frame_to_use_ms);
   if (rig.mosaic != Mosaic::none) list("mosaic", to_string(rig.mosaic));
+  if (rig.gamma != 0) field("gamma", rig.gamma);
   text += "mount:  # camera housing (x out of the lens, y left, z up) in N\n";
   list("xyz_m", list_text(X_NH.translation()));
   list("rpy_deg", list_text(rpy_deg_of(X_NH.linear())));

@@ -94,6 +94,7 @@ RelativeEstimatorConfig RelativeEstimatorConfig::paper() {
   config.calibrate_at_rest = false;
   config.learn_led_errors = false;
   config.tell_apart = false;
+  config.learn_gamma = false;
   config.heed_noise = false;
   config.keep_rivals = false;
   config.search_lean_deg = 180;
@@ -115,9 +116,19 @@ RelativeEstimatorConfig RelativeEstimatorConfig::camera_only() {
   config.coast_s = 0.15;  // lamps hide a drone that passes them for as long
   config.told_sd_m = 0.05;
   config.told_sd_deg = 5;
+  config.suppose_gamma_after = 4;
   config.learn_leds_from_m = 0.0008;  // what noise may feign, seen from 3 m, is less
   return config;
 }
+
+namespace {
+constexpr double kGammaNone = 1.2;   // at most, of a camera that stores light itself
+constexpr double kGammaKept = 0.07;  // change of its logarithm that does not matter
+constexpr int kAroundRoi_px = 24;  // that fits to lights in it look at
+Roi grown(const Roi& roi, int px) {
+  return {roi.u0 - px, roi.v0 - px, roi.u1 + px, roi.v1 + px};
+}
+}  // namespace
 
 PredictionInput NoMotion::at(Time t, const RelativeState&) const {
   PredictionInput input;
@@ -139,6 +150,8 @@ RelativeEstimator::RelativeEstimator(const RelativeEstimatorConfig& config,
       mosaic_(rig.mosaic),
       exposure_(rig.timing.exposure_ms * 1e-3),
       readout_(rig.timing.readout_ms * 1e-3),
+      linear_(rig.camera.intrinsics.width, rig.camera.intrinsics.height,
+              rig.gamma > 0 ? rig.gamma : 1),
       detector_(std::move(detector)),
       finder_(std::move(finder)),
       tracker_(std::move(tracker)),
@@ -149,6 +162,7 @@ RelativeEstimator::RelativeEstimator(const RelativeEstimatorConfig& config,
       errors_(config.errors, rig.leds, std::max(config.filter.led_position_sd_m, 1e-4)),
       learner_(config.learner, rig.camera, rig.leds),
       mirror_(rig.camera, rig.pad.size_m) {
+  if (rig.gamma > 0) config_.learn_gamma = false;
   if (config.learn_led_errors) filter_.correct_leds(errors_.leds(), errors_.cov());
 }
 
@@ -212,9 +226,8 @@ bool RelativeEstimator::fuse(const CameraFrame& given, const MotionSource& motio
   }
 
   if (config_.heed_noise) {
-    const PictureNoise noise = picture_noise(frame.color);
-    detector_.set_noise(noise);
-    resolver_.set_noise(noise);
+    noise_ = picture_noise(frame.color);
+    set_noise();
   }
   if (config_.frozen_pictures > 0) {
     const int alike = repeat_.look(frame.color);
@@ -268,12 +281,13 @@ bool RelativeEstimator::fuse(const CameraFrame& given, const MotionSource& motio
         // What hides LEDs one by one first hides parts of them.
         go_back_to(*sound_, frame.captured, motion);
       }
-      search(frame, motion, out, probe);
+      search_either_way(frame, motion, out, probe);
     }
   } else {
-    search(frame, motion, out, probe);
+    search_either_way(frame, motion, out, probe);
   }
   if (!frozen_) shift_back(frame.captured, motion);
+  if (config_.learn_gamma && !frozen_) learn_gamma(frame.color, out);
   if (out.tracked) {
     last_sight_ = frame.captured;
   } else if (coasts(frame.captured)) {
@@ -305,6 +319,63 @@ bool RelativeEstimator::fuse(const CameraFrame& given, const MotionSource& motio
     if (to_seconds(frame.captured - last_told_) > config_.forget_after_s) begin_anew();
   }
   return true;
+}
+
+void RelativeEstimator::take_gamma(double gamma) {
+  linear_.set_gamma(gamma);
+  resolver_.forget_lights();
+  if (config_.heed_noise) set_noise();
+}
+
+void RelativeEstimator::set_noise() {
+  const PictureNoise noise = linear_.of(noise_);
+  detector_.set_noise(noise);
+  resolver_.set_noise(noise);
+}
+
+void RelativeEstimator::learn_gamma(const ImageView& stored, const FrameReport& out) {
+  if (gamma_learner_.busy()) {
+    gamma_learner_.step();
+    if (gamma_learner_.busy()) return;
+    const auto found = gamma_learner_.gamma();
+    if (!found) return;
+    const double gamma = *found > kGammaNone ? *found : 1;
+    if (std::abs(std::log(gamma / linear_.gamma())) > kGammaKept) take_gamma(gamma);
+    return;
+  }
+  if (!out.tracked || gamma_learner_.settled() || stored.mosaic != Mosaic::none) return;
+  const double sd_px = std::sqrt(resolver_.spread().variance_px2 * linear_.gamma());
+  const double alone_px = GammaLearner::kAlone * sd_px;
+  const auto led_of = [](const LedObservation& o) { return std::countr_zero(o.leds); };
+  FixedVector<Vector2, GammaLearner::kLightsMost> best;
+  double nearest = GammaLearner::kFarthest * sd_px;
+  for (std::size_t i = 0; i < seen_.size(); ++i) {
+    for (std::size_t k = 0; k < i; ++k) {
+      const double apart = (seen_[i].uv - seen_[k].uv).norm();
+      if (apart < GammaLearner::kNearest * sd_px || apart > nearest) continue;
+      const LedColor color = leds_.color(led_of(seen_[i]));
+      if (color != leds_.color(led_of(seen_[k]))) continue;
+      FixedVector<Vector2, GammaLearner::kLightsMost> group;
+      group.push_back(seen_[i].uv);
+      group.push_back(seen_[k].uv);
+      const auto beside = [&](const Vector2& uv) {
+        return (uv - group[0]).norm() < alone_px || (uv - group[1]).norm() < alone_px;
+      };
+      bool alone = true;
+      for (std::size_t j = 0; alone && j < seen_.size(); ++j) {
+        if (j == i || j == k || !beside(seen_[j].uv)) continue;
+        alone = leds_.color(led_of(seen_[j])) == color && group.push_back(seen_[j].uv);
+      }
+      for (const RefusedBlob& blob : out.refused) alone = alone && !beside(blob.uv);
+      if (!alone) continue;
+      best = group;
+      nearest = apart;
+    }
+  }
+  if (best.size() > 0) {
+    gamma_learner_.look(stored, {best.data(), best.size()}, sd_px,
+                        noise_.luminance_variance);
+  }
 }
 
 bool RelativeEstimator::unseen_for_long(Time t) const {
@@ -361,7 +432,7 @@ void RelativeEstimator::forget_past() {
   taken_up_ = 0;
 }
 
-bool RelativeEstimator::follow(const CameraFrame& frame, FrameReport& out,
+bool RelativeEstimator::follow(const CameraFrame& stored, FrameReport& out,
                                Probe* probe) {
   const Roi roi = tracker_.roi(filter_.state().X_NB(),
                                filter_.tracking_covariance().topLeftCorner<6, 6>());
@@ -369,9 +440,11 @@ bool RelativeEstimator::follow(const CameraFrame& frame, FrameReport& out,
     out.why_not = "expected outside the picture";
     return false;
   }
+  CameraFrame frame = stored;
   Result<BlobSpan> blobs = fail(Fault::invalid_input);
   {
     const ProbeScope scope(probe, Stage::detect);
+    frame.color = linear_.of(stored.color, grown(roi, kAroundRoi_px));
     blobs = detector_.detect(frame.color, frame.depth, roi);
   }
   if (!blobs) {

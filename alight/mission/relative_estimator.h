@@ -10,9 +10,11 @@
 #include "alight/mission/pose_doubt.h"
 #include "alight/mission/rival_poses.h"
 #include "alight/vision/blob_detector.h"
+#include "alight/vision/gamma_learner.h"
 #include "alight/vision/led_finder.h"
 #include "alight/vision/led_resolver.h"
 #include "alight/vision/led_tracker.h"
+#include "alight/vision/linear_picture.h"
 #include "alight/vision/pad_mirror.h"
 #include "alight/vision/picture_repeat.h"
 #include "alight/vision/stray_memory.h"
@@ -47,6 +49,10 @@ struct RelativeEstimatorConfig {
       true;  ///< Poses that one picture cannot tell apart, until more do.
   RivalPosesConfig rivals;
   PoseDoubtConfig doubt;          ///< With tell_apart.
+  bool learn_gamma = true;  ///< How the camera stores light, unless the rig tells it;
+  int suppose_gamma_after = 0;  ///< so many pictures without a pose, every other one is
+                                ///< searched as if by the usual power, until that is
+                                ///< known. 0: never.
   bool calibrate_at_rest = true;  ///< Before take-off from the pad.
   int rest_pictures = 20;         ///< That many of each LED at least.
   double rest_led_sd_m = 0.0008;  ///< How well LEDs are known then.
@@ -136,6 +142,8 @@ class RelativeEstimator {
   /// Capture time of the last picture that was tracked; only when initialized.
   Time last_sight() const { return last_sight_; }
   const RelativeFilter& filter() const { return filter_; }
+  /// By what power the camera is taken to store light (Rig::gamma).
+  double gamma() const { return linear_.gamma(); }
   /// The last picture repeated those before to the last bit,
   bool picture_repeats() const { return repeats_; }
   /// as those of a camera that still looks would not.
@@ -201,8 +209,12 @@ class RelativeEstimator {
   /// The filter as it was once, carried to `t`; what was learnt of the rig stays.
   void go_back_to(const RelativeFilter& then, Time t, const MotionSource& motion);
   void forget_past();
-  void search(const CameraFrame& frame, const MotionSource& motion, FrameReport& out,
-              Probe* probe);
+  /// @returns whether the filter goes on from a pose that was found.
+  bool search(const CameraFrame& stored, const MotionSource& motion, FrameReport& out,
+              Probe* probe, bool only_certain = false);
+  /// The same, now and then as if the camera stored light by the usual power of it.
+  void search_either_way(const CameraFrame& stored, const MotionSource& motion,
+                         FrameReport& out, Probe* probe);
   /// A pose found from blobs, made as exact as the pixels allow.
   void place_by_pixels(const CameraFrame& frame, BlobSpan blobs, FoundLeds& found);
   /// Its lights stand as exactly as LEDs do.
@@ -230,7 +242,7 @@ class RelativeEstimator {
   /// Where LEDs stay unseen, they may be taken for one another: whether a pose that
   /// explains more of them is far from the one followed. Seen in several pictures in a
   /// row, it takes its place.
-  bool contradicted(const CameraFrame& frame, FrameReport& out, Probe* probe);
+  bool contradicted(const CameraFrame& stored, FrameReport& out, Probe* probe);
   /// Few LEDs are held against what they may be besides.
   void doubt(FrameReport& out);
   bool believable(const FoundLeds& found, Time t);
@@ -241,7 +253,7 @@ class RelativeEstimator {
   bool leans_as_known(const Matrix3& R_NB) const;
   bool believable_on_floor(const FoundLeds& found);
   bool confirmed(const Pose& X_NB);
-  bool follow(const CameraFrame& frame, FrameReport& out, Probe* probe);
+  bool follow(const CameraFrame& stored, FrameReport& out, Probe* probe);
   bool follow_among(BlobSpan blobs, const CameraFrame& frame, FrameReport& out,
                     Probe* probe);
   /// Updates the filter and tells of it. Nothing happens unless `agreeing` observations
@@ -287,6 +299,12 @@ class RelativeEstimator {
   void remember_fit(int leds, double rms_px);
   bool would_jump(const LedFrame& leds) const;
   void learn_leds(const LedFrame& leds, const UpdateReport& report);
+  /// From a picture as the camera has stored it, with what has been seen in it.
+  void learn_gamma(const ImageView& stored, const FrameReport& out);
+  /// From here on pictures are taken to be stored like that.
+  void take_gamma(double gamma);
+  /// What picks lights heeds the picture's noise from here on.
+  void set_noise();
   void learn_led_errors(const LedInformation& told, Time t);
   /// The LEDs as learnt, for all that look for them.
   void take_leds(const Constellation& leds, const LedCovariance& cov);
@@ -301,6 +319,10 @@ class RelativeEstimator {
   Seconds exposure_, readout_;
   Seconds delay_ = 0;                 // of the picture that is looked at
   Vector3 w_NB_B_ = Vector3::Zero();  // then
+  LinearPicture linear_;
+  GammaLearner gamma_learner_;
+  PictureNoise noise_;  // of the picture as stored
+  int unfound_ = 0;     // searches in a row without a pose
   BlobDetector detector_;
   LedFinder finder_;
   LedTracker tracker_;

@@ -10,6 +10,7 @@
 namespace alight {
 namespace {
 
+constexpr double kGammaUsual = 2.2;  // of pictures for people to look at
 // LEDs taken for others may fit this much worse than the best answer and still be
 // right.
 constexpr double kRivalRms = 3;
@@ -49,8 +50,34 @@ bool near(const Pose& a, const Pose& b, double distance, double turn) {
 
 }  // namespace
 
-void RelativeEstimator::search(const CameraFrame& frame, const MotionSource& motion,
-                               FrameReport& out, Probe* probe) {
+void RelativeEstimator::search_either_way(const CameraFrame& stored,
+                                          const MotionSource& motion, FrameReport& out,
+                                          Probe* probe) {
+  const bool may_suppose = config_.suppose_gamma_after > 0 && config_.learn_gamma &&
+                           !expecting_ && !gamma_learner_.gamma();
+  ++unfound_;
+  if (!may_suppose || unfound_ <= config_.suppose_gamma_after || unfound_ % 2 == 0) {
+    if (search(stored, motion, out, probe)) unfound_ = 0;
+    return;
+  }
+  const double believed = linear_.gamma();
+  const LedResolver as_believed = resolver_;
+  const RivalPoses rivals = rivals_;
+  const int confirmations = confirmations_;
+  take_gamma(believed == 1 ? kGammaUsual : 1);
+  if (search(stored, motion, out, probe, true)) {
+    unfound_ = 0;
+    return;
+  }
+  take_gamma(believed);
+  resolver_ = as_believed;
+  rivals_ = rivals;
+  confirmations_ = confirmations;
+}
+
+bool RelativeEstimator::search(const CameraFrame& stored, const MotionSource& motion,
+                               FrameReport& out, Probe* probe, bool only_certain) {
+  CameraFrame frame = stored;
   if (leds_moved_) {
     finder_.set_rig(camera_, leds_, config_.finder.led_sd_m);
     rivals_.set_rig(camera_, filter_);
@@ -59,18 +86,19 @@ void RelativeEstimator::search(const CameraFrame& frame, const MotionSource& mot
   Result<BlobSpan> blobs = fail(Fault::invalid_input);
   {
     const ProbeScope scope(probe, Stage::detect);
+    frame.color = linear_.of(stored.color);
     blobs = detector_.detect(frame.color, frame.depth);
   }
   if (!blobs) {
     out.why_not = "the picture cannot be read";
-    return;
+    return false;
   }
   out.blobs = static_cast<int>(blobs->size());
   Result<FoundLeds> found = fail(Fault::too_few_points);
   {
     const ProbeScope scope(probe, Stage::associate);
     const bool at_rest = expecting_ && !filter_.initialized();
-    if (at_rest && start_at_rest(*blobs, frame.captured, leds_.size(), out)) return;
+    if (at_rest && start_at_rest(*blobs, frame.captured, leds_.size(), out)) return true;
     const auto find_in = [&](BlobSpan lights) {
       auto in = finder_.find(lights, frame.captured);
       if (in && config_.tell_apart) place_by_pixels(frame, lights, *in);
@@ -101,7 +129,7 @@ void RelativeEstimator::search(const CameraFrame& frame, const MotionSource& mot
     // one: of a drone that stands where it should, the way it stands tells which is
     // which.
     if (at_rest) {
-      if (start_at_rest(*blobs, frame.captured, kRestLeds, out)) return;
+      if (start_at_rest(*blobs, frame.captured, kRestLeds, out)) return true;
       const auto explain = [&](BlobSpan lights) {
         auto expected =
             find_expected(lights, frame.captured, X_NB_expected_, cov_expected_);
@@ -158,46 +186,47 @@ void RelativeEstimator::search(const CameraFrame& frame, const MotionSource& mot
       }
     }
   }
+  if (found && only_certain && !beyond_doubt(found)) found = fail(Fault::ambiguous);
   if (!found) {
     confirmations_ = 0;
     out.why_not = found.error().fault == Fault::ambiguous
                       ? "two poses explain the picture"
                       : "no pose explains the picture";
-    return;
+    return false;
   }
   if (config_.tell_apart && found->fit.rms_px > placed_rms_max_px(found->fit.X_NB)) {
     out.why_not = "lights that fit worse than the LEDs' places are known";
-    return;
+    return false;
   }
   if (!leans_as_known(found->fit.X_NB.linear())) {
     confirmations_ = 0;
     out.why_not = "lights that lean otherwise than the drone";
-    return;
+    return false;
   }
   // Where a drone is known to stand four that are off will do.
   const bool few = found->frame.seen.size() < kTellingLeds && !expecting_;
   if (!filter_.initialized() && !exact(*found) &&
       (few || !confirmed(found->fit.X_NB))) {
     out.why_not = "not yet sure: lights that fit less exactly than LEDs should";
-    return;
+    return false;
   }
   if (is_other(found->fit.X_NB, frame.captured)) {
     confirmations_ = 0;
     out.why_not = "the LEDs of another drone";
-    return;
+    return false;
   }
   if (!within_reach(found->fit.X_NB, frame.captured)) {
     confirmations_ = 0;
     out.why_not = "LEDs where the drone cannot be";
-    return;
+    return false;
   }
   if (filter_.initialized() && !believable(*found, frame.captured)) {
     out.why_not = "a pose that contradicts the prediction";
-    return;
+    return false;
   }
   if (!filter_.initialized() && on_floor_ && !believable_on_floor(*found)) {
     out.why_not = "not yet sure that it is the drone on the floor";
-    return;
+    return false;
   }
   if (fresh_ && filter_.initialized() &&
       accept(found->frame, found->frame.seen.size(),
@@ -205,9 +234,10 @@ void RelativeEstimator::search(const CameraFrame& frame, const MotionSource& mot
              probe)) {
     // Where it is now and where it was tell its speed.
     misses_ = 0;
-    return;
+    return true;
   }
   go_on_from(*found, frame.captured, out);
+  return true;
 }
 
 bool RelativeEstimator::exact(const FoundLeds& found) const {
@@ -333,7 +363,7 @@ void RelativeEstimator::start_from(const FoundLeds& found, Time t, FrameReport& 
   out.why_not = out.tracked ? "" : "not yet known well enough";
 }
 
-bool RelativeEstimator::contradicted(const CameraFrame& frame, FrameReport& out,
+bool RelativeEstimator::contradicted(const CameraFrame& stored, FrameReport& out,
                                      Probe* probe) {
   if (!config_.tell_apart || expecting_) return false;
   int used = 0;
@@ -344,9 +374,11 @@ bool RelativeEstimator::contradicted(const CameraFrame& frame, FrameReport& out,
                                                         pictures % kDoubtEvery == 0);
   if (doubts_ == 0 || !(time_to_look || confirmations_ > 0)) return false;
   const LedResolver as_followed = resolver_;
+  CameraFrame frame = stored;
   Result<FoundLeds> found = fail(Fault::too_few_points);
   {
     const ProbeScope scope(probe, Stage::associate);
+    frame.color = linear_.of(stored.color);
     const auto blobs = detector_.detect(frame.color, frame.depth);
     if (blobs) found = finder_.find(*blobs, frame.captured);
     if (found) place_by_pixels(frame, *blobs, *found);

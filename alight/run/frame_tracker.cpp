@@ -114,6 +114,8 @@ Result<FrameTracker> FrameTracker::create(const FrameTrackerOptions& options,
 
 bool FrameTracker::measured_rig() const { return parts_->measured; }
 
+double FrameTracker::gamma() const { return parts_->own ? parts_->own->gamma() : 1; }
+
 void FrameTracker::fuse(const CameraFrame& frame, FrameReport& out) {
   if (parts_->own) {
     parts_->fuse_own(frame, out);

@@ -39,6 +39,8 @@ class FrameTracker {
 
   /// Whether the rig has been measured by the parked drone.
   bool measured_rig() const;
+  /// By what power the camera is taken to store light (Rig::gamma), told or found out.
+  double gamma() const;
 
  private:
   struct Parts;

@@ -121,6 +121,7 @@ Result<TrackRunResult> run_track(const TrackRunOptions& options) {
                     "frames.csv or leave out --depth");
   }
   result.measured_rig = tracker->measured_rig();
+  result.gamma = tracker->gamma();
   result.us_median = percentile(us, 0.5);
   result.us_p99 = percentile(us, 0.99);
   result.reprojection_px = reprojection.empty() ? kNaN : percentile(reprojection, 0.5);
@@ -139,6 +140,7 @@ std::string track_json(const TrackRunOptions& options, const TrackRunResult& res
       {"tracked_fraction", result.tracked_share()},
       {"searches", result.searches},
       {"measured_rig", result.measured_rig},
+      {"gamma", result.gamma},
       {"longest_gap_s", result.longest_gap},
       {"reprojection_px", number_or_null(result.reprojection_px)},
       {"us", {{"p50", result.us_median}, {"p99", result.us_p99}}}};

@@ -32,6 +32,7 @@ struct TrackRunResult {
   int tracked = 0;
   int searches = 0;           ///< Times the drone was found without a prior.
   bool measured_rig = false;  ///< By the parked drone.
+  double gamma = 1;           ///< As Rig::gamma, told or found out.
   Seconds longest_gap = 0;
   double us_median = 0;  ///< Of a picture, by the machine's clock, reading it left out.
   double us_p99 = 0;

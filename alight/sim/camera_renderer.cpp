@@ -5,6 +5,7 @@
 #include <optional>
 #include <string>
 
+#include "alight/geometry/stored_light.h"
 #include "alight/sim/camera_background.h"
 #include "alight/sim/camera_depth.h"
 #include "alight/sim/camera_faults.h"
@@ -55,15 +56,19 @@ struct CameraRenderer::Parts {
         lights(make_room_lights(c, rng.fork("lights"))),
         painter(c, rng.fork("shot")),
         depth(c, true_rig, rng.fork("depth")),
-        spoiler(rng.fork("spoiler")) {}
+        spoiler(rng.fork("spoiler")) {
+    if (true_rig.gamma > 0) stored = stored_of_light(true_rig.gamma);
+  }
 
   void interpolate(ColorBuffer& color);
+  void store(ColorBuffer& color) const;
   void compress(ColorBuffer& color);
 
   CameraSimConfig config;
   Camera camera;
   Lens lens;
   Mosaic mosaic;
+  std::optional<GreyTable> stored;
   CameraTiming timing;
   double exposure_scale;
   Rng frames;
@@ -83,6 +88,10 @@ void CameraRenderer::Parts::interpolate(ColorBuffer& color) {
   bytes.resize(pixels.size() / 3);
   take_own_colors(pixels.data(), color.width, color.height, mosaic, bytes.data());
   interpolate_colors(bytes.data(), color.width, color.height, mosaic, pixels.data());
+}
+
+void CameraRenderer::Parts::store(ColorBuffer& color) const {
+  for (std::uint8_t& pixel : color.write_all()) pixel = (*stored)[pixel];
 }
 
 void CameraRenderer::Parts::compress(ColorBuffer& color) {
@@ -168,6 +177,7 @@ Result<void> CameraRenderer::render(std::uint64_t frame_index,
   }
   if (trouble != nullptr) p.spoiler.spoil(*trouble, frame.fork("trouble"), color);
   if (p.mosaic != Mosaic::none) p.interpolate(color);
+  if (p.stored) p.store(color);
   if (p.config.jpeg > 0) p.compress(color);
 
   if (depth != nullptr) {

@@ -276,7 +276,7 @@ LedColor BlobDetector::color_at(const ImageView& image, const Roi& box) const {
   const auto [u0, v0, u1, v1] = box;
   const int step_u = 1 + (u1 - u0) / 64, step_v = 1 + (v1 - v0) / 64;
   // The darkest pixels carry the sensor's own tint.
-  const int dark = std::min(30, threshold_);
+  const int dark = std::max(std::min(30, threshold_), noise_.threshold());
   std::int64_t total = 0, b = 0, g = 0, r = 0;
   for (int v = v0; v < v1; v += step_v) {
     for (int u = u0; u < u1; u += step_u) {

@@ -5,6 +5,7 @@
 
 #include "alight/vision/constellation_check.h"
 #include "alight/vision/led_finder_search.h"
+#include "alight/vision/linear_picture.h"
 
 namespace alight {
 namespace {
@@ -165,7 +166,10 @@ Result<DetectResult> detect_once(const Rig& rig, const ImageView& image,
   if (!detector) return fail(detector.error());
   auto finder = LedFinder::create(finder_config, rig.camera, rig.leds, rig.pad.size_m);
   if (!finder) return fail(finder.error());
-  const auto blobs = detector->detect(image, depth);
+  if (!detector->takes(image, depth)) return fail(Fault::invalid_input);
+  LinearPicture linear(image.width, image.height, rig.gamma > 0 ? rig.gamma : 1);
+  detector->set_noise(linear.of(picture_noise(image)));
+  const auto blobs = detector->detect(linear.of(image), depth);
   if (!blobs) return fail(blobs.error());
   DetectResult result;
   result.blobs.assign(blobs->begin(), blobs->end());

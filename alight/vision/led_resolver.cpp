@@ -170,6 +170,14 @@ LedResolver::LedResolver(const LedResolverConfig& config, const Camera& camera,
       leds_(leds),
       spread_{config.spread_sd_px * config.spread_sd_px, config.spread_share} {}
 
+void LedResolver::forget_lights() {
+  LedResolver anew(config_, camera_, leds_);
+  anew.lit_ = lit_;
+  anew.dark_ = dark_;
+  anew.spread_.noise_variance = spread_.noise_variance;
+  *this = anew;
+}
+
 void LedResolver::set_noise(const PictureNoise& noise) {
   spread_.noise_variance = std::max(kNoiseUsual, noise.luminance_variance);
 }

@@ -73,6 +73,10 @@ class LedResolver {
   /// Nothing covers part of a light in the picture looked at last.
   bool whole() const { return share_.whole() && area_share_.whole(); }
 
+  /// Pictures from now on are as if another camera took them: how it draws lights, how
+  /// bright they are and what colours they have is to be learnt again.
+  void forget_lights();
+
   /// @pre as many LEDs as before.
   void set_rig(const Camera& camera, const Constellation& leds) {
     camera_ = camera;

@@ -221,7 +221,7 @@ def draw_flight(rng, lens, leds, seconds):
 class Look:
     """Optics and sensor, drawn by the seed."""
 
-    def __init__(self, rng, kind, grey, sites=None, yuv=False):
+    def __init__(self, rng, kind, grey, sites=None, yuv=False, gamma=None):
         self.grey, self.sites, self.yuv = grey, sites, yuv
         self.width_px = rng.choice([0.75, 0.95, 1.25]) * rng.uniform(0.9, 1.1)  # Moffat
         self.beta = float(rng.choice([2.5, 3.0, 4.0]))
@@ -235,6 +235,9 @@ class Look:
         self.read_noise = rng.uniform(0.6, 1.6)
         self.electrons = rng.uniform(7, 15)  # a count
         self.tone = str(rng.choice(["clip", "shoulder", "gamma"], p=[0.5, 0.3, 0.2]))
+        self.power = 0.7
+        if gamma:
+            self.tone, self.power = "gamma", 1 / gamma
         self.gradient = rng.uniform(0, 5, 3)
         self.gradient_turn = rng.uniform(0, 2 * math.pi)
         self.pad_shine = rng.choice([0.0, rng.uniform(0.02, 0.12)])
@@ -276,7 +279,7 @@ class Look:
             over = np.maximum(noisy - knee, 0)
             noisy = np.minimum(noisy, knee) + (255 - knee) * (1 - np.exp(-over / 120))
         elif self.tone == "gamma":
-            noisy = 255 * (np.clip(noisy, 0, 255) / 255)**0.7
+            noisy = 255 * (np.clip(noisy, 0, 255) / 255)**self.power
         if self.grey:
             noisy[..., 1] = noisy[..., 0]
             noisy[..., 2] = noisy[..., 0]
@@ -583,6 +586,9 @@ def parse_arguments():
     parser.add_argument("--led-error-mm", type=float, default=0)
     parser.add_argument("--grey", action="store_true",
                         help="a camera without colours, as for infrared")
+    parser.add_argument("--gamma", type=float,
+                        help="light is stored by the power 1 / GAMMA; else by what the "
+                        "seed draws")
     parser.add_argument("--yuv422", action="store_true",
                         help="two pixels of a row share their colour, as from webcams")
     return parser.parse_args()

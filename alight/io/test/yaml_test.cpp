@@ -99,6 +99,7 @@ TEST_F(RigYamlFiles, AnyRigReadsBack) {
     rig.camera.X_NC = make_pose(so3_exp(turn), {rng.normal(), rng.normal(), 0.1});
     for (Led& led : rig.leds.leds) led.p_BL *= rng.uniform(0.5, 2);
     rig.mosaic = static_cast<Mosaic>(i % 5);
+    rig.gamma = i % 2 ? rng.uniform(Rig::kGammaLeast, Rig::kGammaMost) : 0;
     if (i % 3 > 0) {
       rig.led_frame = {rng.uniform(0, 0.003) * Vector3(1, 2, 3),
                        rng.uniform(0, 0.05) * Vector3(3, 1, 2), 0.01 * (i % 3 - 1)};
@@ -133,6 +134,9 @@ TEST_F(RigYamlFiles, BadOnesAreNamed) {
   EXPECT_EQ(with("mass_kg: 0.55", "mass_kg: 0.55"), "");
   EXPECT_EQ(with("rate_hz: 60", "rate_hz: 60, mosaic: grbg"), "");
   EXPECT_NE(with("rate_hz: 60", "rate_hz: 60, mosaic: rgb").find("mosaic"),
+            std::string::npos);
+  EXPECT_EQ(with("rate_hz: 60", "rate_hz: 60, gamma: 2.2"), "");
+  EXPECT_NE(with("rate_hz: 60", "rate_hz: 60, gamma: 22").find("camera.gamma is 22"),
             std::string::npos);
   EXPECT_NE(with("mass_kg", "mas_kg").find("did you mean mass_kg?"), std::string::npos);
   EXPECT_NE(with("fx: 415.872", "fx: .nan").find("camera.fx"), std::string::npos);

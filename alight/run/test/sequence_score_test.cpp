@@ -153,6 +153,43 @@ TEST(MeasureRun, UnderAMosaicFlightsAreFollowedNearlyAsExactly) {
   EXPECT_LT(rms_mm(Mosaic::grbg), std::max(2.5 * whole, 2.0));
 }
 
+// Most cameras store no light but a power of it, told in the rig or found out.
+TEST(SequenceScore, ACameraThatStoresAPowerOfLightIsAsGoodAsALinearOne) {
+  double linear = 0, told = 0, found_out = 0, denied = 0;
+  constexpr int kFrames = 300, kFrom = 150;
+  for (std::uint64_t seed = 1; seed <= 4; ++seed) {
+    SequenceOptions options;
+    options.rig = alan_rig();
+    options.seed = 960000 + seed;
+    options.frames = kFrames;
+    // Squared errors, mm^2, once there was time to find out.
+    const auto errors = [&](double gamma, double in_the_rig) {
+      options.rig.gamma = gamma;
+      auto sequence = Sequence::create(options);
+      EXPECT_TRUE(sequence);
+      Rig rig = options.rig;
+      rig.gamma = in_the_rig;
+      const auto scores = score_sequence(*sequence, rig, Profile::standard);
+      EXPECT_TRUE(scores);
+      double sum = 0;
+      for (std::size_t k = kFrom; k < kFrames; ++k) {
+        const FrameScore& score = (*scores)[k];
+        EXPECT_TRUE(score.tracked) << seed << ": " << k;
+        EXPECT_FALSE(score.wrong());
+        if (score.tracked) sum += 1e6 * score.position_m * score.position_m;
+      }
+      return sum;
+    };
+    linear += errors(0, 0);
+    told += errors(2.2, 2.2);
+    found_out += errors(2.2, 0);
+    denied += errors(2.2, 1);
+  }
+  EXPECT_LT(told, 2 * linear);
+  EXPECT_LT(found_out, 3 * linear);
+  EXPECT_GT(denied, 6 * linear);
+}
+
 TEST(MeasureRun, MixedFlightsAreOfEveryKind) {
   MeasureOptions options = short_flights();
   int hard = 0, dead = 0, dark = 0, strays = 0;

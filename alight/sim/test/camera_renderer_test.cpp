@@ -10,6 +10,7 @@
 #include "alight/base/rng.h"
 #include "alight/geometry/row_delay.h"
 #include "alight/geometry/so3.h"
+#include "alight/geometry/stored_light.h"
 
 namespace alight {
 namespace {
@@ -411,6 +412,24 @@ TEST(CameraRenderer, UnderAMosaicEveryPixelSeesOneColour) {
     EXPECT_TRUE(renderer.render(3, std::vector<SceneAt>{scene}, seen));
     EXPECT_TRUE(seen.pixels() == picture(renderer, {scene}, 3).pixels());
   }
+}
+
+TEST(CameraRenderer, StoresLightAsTheRigSays) {
+  const SceneAt scene = facing({-0.8, 0, 0.5});
+  Rig rig = wide_rig();
+  const CameraSimConfig config;
+  CameraRenderer linear = make(config, rig);
+  const ColorBuffer light = picture(linear, {scene});
+  rig.gamma = 2.2;
+  CameraRenderer renderer = make(config, rig);
+  ColorBuffer seen = picture(renderer, {scene});
+  const GreyTable stored = stored_of_light(2.2);
+  for (std::size_t i = 0; i < light.pixels().size(); ++i) {
+    ASSERT_EQ(seen.pixels()[i], stored[light.pixels()[i]]);
+  }
+  // Drawn over, a buffer shows nothing of what was in it.
+  EXPECT_TRUE(renderer.render(3, std::vector<SceneAt>{scene}, seen));
+  EXPECT_TRUE(seen.pixels() == picture(renderer, {scene}, 3).pixels());
 }
 
 TEST(CameraRenderer, ShotNoiseGrowsWithLight) {

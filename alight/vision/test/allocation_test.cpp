@@ -4,8 +4,10 @@
 #include <cstdlib>
 #include <new>
 
+#include "alight/vision/gamma_learner.h"
 #include "alight/vision/led_tracker.h"
 #include "alight/vision/lights_fitted.h"
+#include "alight/vision/linear_picture.h"
 #include "scene.h"
 
 // Sanitizers bring an allocator of their own, which must not be mixed with this one.
@@ -40,7 +42,9 @@ TEST(Allocation, NoneOnceDetectorFinderAndTrackerStand) {
   const auto tracker = LedTracker::create({}, rig.camera, rig.leds);
   ASSERT_TRUE(detector && finder && tracker);
   const Matrix6 cov = 1e-4 * Matrix6::Identity();
-  int found = 0, parted = 0;
+  LinearPicture linear(848, 480, 2.2);
+  GammaLearner gamma;
+  int found = 0, parted = 0, looks = 0;
   for (unsigned seed = 0; seed < 10; ++seed) {
     Rng rng(seed);
     const Pose X_NB = test::random_pose(rig, rng, 0.5, 2);
@@ -64,8 +68,13 @@ TEST(Allocation, NoneOnceDetectorFinderAndTrackerStand) {
       parted +=
           fit_lights(view, {.variance_px2 = 0.81, .share_sd = 0.35}, *detector, lights);
     }
+    (void)linear.of(view, {10, 10, 100, 100});
+    gamma.look(view, std::array{Vector2(30, 30), Vector2(32, 32)}, 0.9, 2);
+    looks += gamma.busy();
+    while (gamma.busy()) gamma.step();
     EXPECT_EQ(news, before);
   }
+  EXPECT_GT(looks, 5);
   EXPECT_GT(found, 5);
   EXPECT_GT(parted, 5);
 #if ALIGHT_COUNTS_ALLOCATIONS

@@ -127,6 +127,25 @@ TEST(BlobDetector, TellsColorsOfSaturatedLights) {
   }
 }
 
+// What shines around a light is no part of it, be it brighter than the usual dark.
+TEST(BlobDetector, TellsColorsInBrightPictures) {
+  auto detector = make_detector();
+  for (const LedColor color : {LedColor::red, LedColor::green, LedColor::blue}) {
+    for (unsigned seed = 0; seed < 10; ++seed) {
+      Rng rng(seed);
+      Picture picture(3, 848, 480);
+      for (double& light : picture.light) light = 35;
+      picture.add({100 + rng.uniform(), 100 + rng.uniform()}, color, 150, 1.2);
+      const ImageView image = picture.expose(rng, 4);
+      detector.set_noise(picture_noise(image));
+      const auto blobs = detector.detect(image);
+      ASSERT_TRUE(blobs);
+      ASSERT_EQ(blobs->size(), 1u);
+      EXPECT_EQ((*blobs)[0].color, color);
+    }
+  }
+}
+
 TEST(BlobDetector, GreyPicturesHaveNoColor) {
   auto detector = make_detector();
   Rng rng(1);
