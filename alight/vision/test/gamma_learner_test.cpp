@@ -83,10 +83,10 @@ TEST(GammaLearner, FindsThePowerByWhichACameraStoresLight) {
       constexpr int kRuns = 6;
       for (int run = 0; run < kRuns; ++run) {
         const Learnt learnt =
-            learn({.gamma = gamma}, 40, static_cast<std::uint64_t>(run + 1), count);
+            learn({.gamma = gamma}, 80, static_cast<std::uint64_t>(run + 1), count);
         const auto found = learnt.learner.gamma();
         ASSERT_TRUE(found) << gamma << ", " << count;
-        EXPECT_NEAR(std::log(*found / gamma), 0, 0.18) << gamma << ", " << count;
+        EXPECT_NEAR(std::log(*found / gamma), 0, 0.25) << gamma << ", " << count;
         sum += std::log(*found / gamma) / kRuns;
       }
       EXPECT_NEAR(sum, 0, 0.1) << gamma << ", " << count;
@@ -117,7 +117,9 @@ TEST(GammaLearner, IsNotMisledByBrightLightsThatAreBent) {
   for (std::uint64_t seed = 1; seed <= 6; ++seed) {
     const auto found =
         learn({.knee = 205}, 40, 200 + seed, 2, 240).learner.gamma();
-    if (found) EXPECT_NEAR(*found, 1, 0.2) << seed;
+    if (found) {
+      EXPECT_NEAR(*found, 1, 0.2) << seed;
+    }
   }
 }
 
