@@ -122,9 +122,8 @@ RelativeEstimatorConfig RelativeEstimatorConfig::camera_only() {
 }
 
 namespace {
-constexpr double kGammaNone = 1.2;   // at most, of a camera that stores light itself
 constexpr double kGammaKept = 0.07;  // change of its logarithm that does not matter
-constexpr int kAroundRoi_px = 24;  // that fits to lights in it look at
+constexpr int kAroundRoi_px = 24;    // that fits to lights in it look at
 Roi grown(const Roi& roi, int px) {
   return {roi.u0 - px, roi.v0 - px, roi.u1 + px, roi.v1 + px};
 }
@@ -339,8 +338,7 @@ void RelativeEstimator::learn_gamma(const ImageView& stored, const FrameReport& 
     if (gamma_learner_.busy()) return;
     const auto found = gamma_learner_.gamma();
     if (!found) return;
-    const double gamma = *found > kGammaNone ? *found : 1;
-    if (std::abs(std::log(gamma / linear_.gamma())) > kGammaKept) take_gamma(gamma);
+    if (std::abs(std::log(*found / linear_.gamma())) > kGammaKept) take_gamma(*found);
     return;
   }
   if (!out.tracked || gamma_learner_.settled() || stored.mosaic != Mosaic::none) return;
@@ -373,8 +371,7 @@ void RelativeEstimator::learn_gamma(const ImageView& stored, const FrameReport& 
     }
   }
   if (best.size() > 0) {
-    gamma_learner_.look(stored, {best.data(), best.size()}, sd_px,
-                        noise_.luminance_variance);
+    gamma_learner_.look(stored, {best.data(), best.size()}, sd_px, noise_);
   }
 }
 

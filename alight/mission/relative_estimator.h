@@ -48,11 +48,12 @@ struct RelativeEstimatorConfig {
   bool keep_rivals =
       true;  ///< Poses that one picture cannot tell apart, until more do.
   RivalPosesConfig rivals;
-  PoseDoubtConfig doubt;          ///< With tell_apart.
+  PoseDoubtConfig doubt;    ///< With tell_apart.
   bool learn_gamma = true;  ///< How the camera stores light, unless the rig tells it;
-  int suppose_gamma_after = 0;  ///< so many pictures without a pose, every other one is
-                                ///< searched as if by the usual power, until that is
-                                ///< known. 0: never.
+  int suppose_gamma_after = 0;  ///< and until that is known: after so many pictures in
+                                ///< which nothing is found, and as many again, one is
+                                ///< searched as if light were stored by the usual power
+                                ///< of it, too. 0: never.
   bool calibrate_at_rest = true;  ///< Before take-off from the pad.
   int rest_pictures = 20;         ///< That many of each LED at least.
   double rest_led_sd_m = 0.0008;  ///< How well LEDs are known then.
@@ -212,7 +213,7 @@ class RelativeEstimator {
   /// @returns whether the filter goes on from a pose that was found.
   bool search(const CameraFrame& stored, const MotionSource& motion, FrameReport& out,
               Probe* probe, bool only_certain = false);
-  /// The same, now and then as if the camera stored light by the usual power of it.
+  /// The same, and now and then as if the camera stored light by the usual power of it.
   void search_either_way(const CameraFrame& stored, const MotionSource& motion,
                          FrameReport& out, Probe* probe);
   /// A pose found from blobs, made as exact as the pixels allow.

@@ -53,13 +53,15 @@ bool near(const Pose& a, const Pose& b, double distance, double turn) {
 void RelativeEstimator::search_either_way(const CameraFrame& stored,
                                           const MotionSource& motion, FrameReport& out,
                                           Probe* probe) {
-  const bool may_suppose = config_.suppose_gamma_after > 0 && config_.learn_gamma &&
-                           !expecting_ && !gamma_learner_.gamma();
-  ++unfound_;
-  if (!may_suppose || unfound_ <= config_.suppose_gamma_after || unfound_ % 2 == 0) {
-    if (search(stored, motion, out, probe)) unfound_ = 0;
+  if (search(stored, motion, out, probe)) {
+    unfound_ = 0;
     return;
   }
+  ++unfound_;
+  const bool may_suppose = config_.suppose_gamma_after > 0 && config_.learn_gamma &&
+                           !expecting_ && !gamma_learner_.gamma();
+  if (!may_suppose || unfound_ % config_.suppose_gamma_after != 0) return;
+  const FrameReport as_searched = out;
   const double believed = linear_.gamma();
   const LedResolver as_believed = resolver_;
   const RivalPoses rivals = rivals_;
@@ -73,6 +75,7 @@ void RelativeEstimator::search_either_way(const CameraFrame& stored,
   resolver_ = as_believed;
   rivals_ = rivals;
   confirmations_ = confirmations;
+  out = as_searched;
 }
 
 bool RelativeEstimator::search(const CameraFrame& stored, const MotionSource& motion,
@@ -98,7 +101,8 @@ bool RelativeEstimator::search(const CameraFrame& stored, const MotionSource& mo
   {
     const ProbeScope scope(probe, Stage::associate);
     const bool at_rest = expecting_ && !filter_.initialized();
-    if (at_rest && start_at_rest(*blobs, frame.captured, leds_.size(), out)) return true;
+    if (at_rest && start_at_rest(*blobs, frame.captured, leds_.size(), out))
+      return true;
     const auto find_in = [&](BlobSpan lights) {
       auto in = finder_.find(lights, frame.captured);
       if (in && config_.tell_apart) place_by_pixels(frame, lights, *in);

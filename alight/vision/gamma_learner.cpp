@@ -16,22 +16,27 @@ constexpr double kWidth[] = {0.55, 0.85, 1.25, 1.9, 2.9};  // sd
 constexpr double kShare[] = {0.2, 0.3, 0.4, 0.1, 0.02};    // to begin with
 constexpr int kBrightest = 200;  // grey levels; cameras bend what is brighter
 constexpr double kShot = 0.06;   // variance per grey level
-constexpr double kMismatch = 0.005;
+constexpr double kMismatch = 0.005, kRounding = 1.0 / 12;
 constexpr double kNoiseLeast = 0.5;
 constexpr double kLightLeast = 40;  // grey levels over the background
 
 // Standard deviations about the start.
 constexpr double kPlaceSd_px = 0.5, kBrightnessSd = 1, kBackSd = 20, kShareSd = 0.3;
-constexpr double kPowerSd = 1;
+constexpr double kPowerSd = 0.7;  // of its logarithm
 
 constexpr int kIterations = 14;
-constexpr double kEnough = 1e-3;  // of the cost; a step that gains less is the last
-constexpr double kFaint = 1e-3;   // grey levels, for what has no logarithm
-constexpr double kPowerLeast = 0.3, kPowerMost = 2.5;
+constexpr double kEnough = 1e-3;    // of the cost; a step that gains less is the last
+constexpr double kFaint = 1e-3;     // grey levels, for what has no logarithm
+constexpr double kPowerMost = 1.8;  // of its logarithm, either way
 
+constexpr double kVagueSd = 1;  // a look that tells less tells nothing
 constexpr double kChi2Most = 3, kChi2Least = 0.2;
-constexpr double kLookSd = 0.12;  // a look tells no better: lights differ from one another
-constexpr double kSaidSd = 0.1, kSettledSd = 0.03;
+constexpr double kLookSd =
+    0.12;  // a look tells no better: lights differ from one another
+constexpr double kSaidSd = 0.12, kSettledSd = 0.04;
+// What of its logarithm cameras that store light itself may seem to have, for no light
+// is a sum of these Gaussians; it must be more by so many sd.
+constexpr double kNone = 0.12, kSds = 2;
 constexpr int kLooksLeast = 5;
 
 double squared(double x) { return x * x; }
@@ -39,7 +44,7 @@ double squared(double x) { return x * x; }
 }  // namespace
 
 void GammaLearner::look(const ImageView& stored, std::span<const Vector2> lights,
-                        double sd_px, double noise_variance) {
+                        double sd_px, const PictureNoise& noise) {
   if (busy() || settled() || lights.size() < 2 || lights.size() > kLightsMost) return;
   const double sd = std::clamp(sd_px, kSdLeast_px, kSdMost_px);
   Vector2 low = lights[0], high = lights[0];
@@ -66,16 +71,14 @@ void GammaLearner::look(const ImageView& stored, std::span<const Vector2> lights
       const double value = static_cast<double>(luminance_of(p, stored.channels));
       darkest = std::min(darkest, value);
       brightest = std::max(brightest, value);
-      const double variance = std::max(noise_variance, kNoiseLeast) + kShot * value +
-                              squared(kMismatch * value);
       pixels_[static_cast<std::size_t>(count_++)] = {static_cast<double>(u),
-                                                     static_cast<double>(v), value,
-                                                     1 / variance};
+                                                     static_cast<double>(v), value, 0};
     }
   }
   lights_ = static_cast<int>(lights.size());
   const int n = parameters();
   if (count_ < 2 * n || brightest - darkest < kLightLeast) return;
+  weigh(noise);
   start_.setZero(n);
   prior_.setZero(n);
   for (int k = 0; k < lights_; ++k) {
@@ -85,14 +88,14 @@ void GammaLearner::look(const ImageView& stored, std::span<const Vector2> lights
   prior_.head(2 * lights_).setConstant(1 / squared(kPlaceSd_px));
   prior_.segment(2 * lights_, lights_).setConstant(1 / squared(kBrightnessSd));
   const int back = 3 * lights_;
-  start_[back] = std::max(darkest, 1.0);
+  start_[back] = std::max<double>(noise.dark, 1);
   prior_[back] = 1 / squared(kBackSd);
   for (int j = 0; j < kWidths; ++j) {
     variance_[static_cast<std::size_t>(j)] = squared(kWidth[j] * sd);
     start_[back + 1 + j] = kShare[j];
     prior_[back + 1 + j] = 1 / squared(kShareSd);
   }
-  start_[n - 1] = 1;
+  start_[n - 1] = 0;
   prior_[n - 1] = 1 / squared(kPowerSd);
   at_ = start_;
   now_ = equations(at_);
@@ -100,12 +103,29 @@ void GammaLearner::look(const ImageView& stored, std::span<const Vector2> lights
   iteration_ = 0;
 }
 
+void GammaLearner::weigh(const PictureNoise& noise) {
+  // Noise is that of light: of what is stored, brighter pixels have less.
+  const double power = looks_ < kLooksLeast ? 1 : std::exp(-sum_ / information_);
+  const double dark = std::max<double>(noise.dark, 1);
+  const auto slope = [&](double value) {
+    return power * std::pow(std::max(value, dark) / 255, 1 - 1 / power);
+  };
+  const double of_light =
+      std::max(noise.luminance_variance, kNoiseLeast) / squared(slope(dark));
+  for (int i = 0; i < count_; ++i) {
+    Pixel& pixel = pixels_[static_cast<std::size_t>(i)];
+    const double light = 255 * std::pow(pixel.value / 255, 1 / power);
+    pixel.weight = 1 / (squared(slope(pixel.value)) * (of_light + kShot * light) +
+                        kRounding + squared(kMismatch * pixel.value));
+  }
+}
+
 GammaLearner::Equations GammaLearner::equations(const Vector& at) const {
   const int n = parameters(), back = 3 * lights_, power = n - 1;
   Equations out;
   out.A.setZero(n, n);
   out.g.setZero(n);
-  const double a = at[power], gamma = 1 / a;
+  const double a = std::exp(at[power]), gamma = 1 / a;
   const double x_back = std::max(at[back], kFaint) / 255;
   const double back_light = std::pow(x_back, gamma);
   Vector J(n);
@@ -148,7 +168,7 @@ GammaLearner::Equations GammaLearner::equations(const Vector& at) const {
       J[2 * k] = by_place * (pixel.u - at[2 * k]);
       J[2 * k + 1] = by_place * (pixel.v - at[2 * k + 1]);
     }
-    J[power] = model * (std::log(light) - gamma * logs / light);
+    J[power] = a * model * (std::log(light) - gamma * logs / light);
     const double rest = pixel.value - model;
     out.A.selfadjointView<Eigen::Lower>().rankUpdate(J, pixel.weight);
     out.g += pixel.weight * rest * J;
@@ -170,7 +190,7 @@ void GammaLearner::step() {
   Vector to = at_;
   if (llt.info() == Eigen::Success) to += llt.solve(now_.g);
   to[back] = std::max(to[back], 0.1);
-  to[power] = std::clamp(to[power], kPowerLeast, kPowerMost);
+  to[power] = std::clamp(to[power], -kPowerMost, kPowerMost);
   const Equations then = to.allFinite() ? equations(to) : now_;
   const double gained = now_.cost - then.cost;
   if (gained > 0) {
@@ -194,21 +214,23 @@ void GammaLearner::finish() {
   const Eigen::LLT<Matrix> llt(now_.A);
   if (llt.info() != Eigen::Success) return;
   const Vector unit = Vector::Unit(n, power);
-  const double variance = llt.solve(unit)[power] * std::max(chi2, kChi2Least);
-  // The prior counts with neither look.
-  const double information = 1 / variance - prior_[power];
-  if (!(information > 1)) return;
-  const double value =
-      (at_[power] / variance - start_[power] * prior_[power]) / information;
-  const double weight = 1 / (1 / information + squared(kLookSd));
+  // What the pixels say, without the prior.
+  const double with_prior = 1 / llt.solve(unit)[power];
+  const double information = with_prior - prior_[power];
+  const double variance = std::max(chi2, kChi2Least) / information;
+  if (!(information > 0 && variance < squared(kVagueSd))) return;
+  const double value = at_[power] * with_prior / information;
+  const double weight = 1 / (variance + squared(kLookSd));
   information_ += weight;
-  sum_ += weight * std::clamp(value, kPowerLeast, kPowerMost);
+  sum_ -= weight * std::clamp(value, -kPowerMost, kPowerMost);
   ++looks_;
 }
 
 std::optional<double> GammaLearner::gamma() const {
   if (looks_ < kLooksLeast || information_ * squared(kSaidSd) < 1) return std::nullopt;
-  return std::clamp(information_ / sum_, Rig::kGammaLeast, Rig::kGammaMost);
+  const double log = sum_ / information_, sd = 1 / std::sqrt(information_);
+  if (log - kSds * sd < kNone) return 1;
+  return std::clamp(std::exp(log), Rig::kGammaLeast, Rig::kGammaMost);
 }
 
 bool GammaLearner::settled() const { return information_ * squared(kSettledSd) >= 1; }

@@ -5,12 +5,13 @@
 
 #include "alight/geometry/camera.h"
 #include "alight/geometry/image.h"
+#include "alight/vision/picture_noise.h"
 
 namespace alight {
 
-/// Finds out by what power of light a camera stores it (LinearPicture), from lights that
-/// stand side by side: on a linear camera's picture they add up, on others they do so by
-/// less, whatever a light looks like.
+/// Finds out by what power of light a camera stores it (LinearPicture), from lights
+/// that stand side by side: on a linear camera's picture they add up, on others they do
+/// so by less, whatever a light looks like.
 ///
 /// How one looks is found out with it, from the sides they turn to nobody: a sum of
 /// Gaussians of fixed widths. Each look is a fit (Levenberg-Marquardt), of which `step`
@@ -25,14 +26,15 @@ class GammaLearner {
 
   /// Takes the pixels around two or three lights of one colour, unless it is busy with
   /// earlier ones or knows enough. @param sd_px of a light's width in the picture as
-  /// stored. @param noise_variance of unlit pixels' luminance.
+  /// stored. @param noise of the same.
   void look(const ImageView& stored, std::span<const Vector2> lights, double sd_px,
-            double noise_variance);
+            const PictureNoise& noise);
 
   bool busy() const { return iteration_ >= 0; }
   void step();
 
-  /// What all looks so far say; nothing until they say it well enough.
+  /// What all looks so far say, 1 unless they exclude it; nothing until they say it
+  /// well enough.
   std::optional<double> gamma() const;
   /// Further looks would hardly change it.
   bool settled() const;
@@ -40,16 +42,18 @@ class GammaLearner {
  private:
   static constexpr int kWidths = 5;
   static constexpr int kPixelsMost = 256;
-  static constexpr int kParametersMost = 3 * static_cast<int>(kLightsMost) + kWidths + 2;
+  static constexpr int kParametersMost =
+      3 * static_cast<int>(kLightsMost) + kWidths + 2;
   using Vector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kParametersMost, 1>;
-  using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kParametersMost,
-                               kParametersMost>;
+  using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0,
+                               kParametersMost, kParametersMost>;
   struct Equations {
     Matrix A;
     Vector g;
     double cost = 0, chi2 = 0;
   };
   int parameters() const { return 3 * lights_ + kWidths + 2; }
+  void weigh(const PictureNoise& noise);
   Equations equations(const Vector& at) const;
   void finish();
 
@@ -62,8 +66,8 @@ class GammaLearner {
   Vector start_, prior_, at_;
   Equations now_;
   double damping_ = 0;
-  int iteration_ = -1;  // of the look it is busy with
-  double information_ = 0, sum_ = 0;
+  int iteration_ = -1;                // of the look it is busy with
+  double information_ = 0, sum_ = 0;  // on the logarithm of gamma
   int looks_ = 0;
 };
 

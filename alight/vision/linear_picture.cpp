@@ -40,7 +40,8 @@ ImageView LinearPicture::of(const ImageView& picture, const Roi& box) {
   const auto channels = static_cast<std::size_t>(picture.channels);
   const std::size_t stride = static_cast<std::size_t>(width_) * channels;
   const auto begin = [&](int v, int u) {
-    return static_cast<std::size_t>(v) * stride + static_cast<std::size_t>(u) * channels;
+    return static_cast<std::size_t>(v) * stride +
+           static_cast<std::size_t>(u) * channels;
   };
   for (int v = written_.v0; v < written_.v1; ++v) {
     std::fill(pixels_.data() + begin(v, written_.u0),
@@ -68,8 +69,8 @@ PictureNoise LinearPicture::of(const PictureNoise& noise) const {
   const double slope = gamma_ * std::pow(at, gamma_ - 1);
   PictureNoise out;
   out.dark = light_[static_cast<std::size_t>(std::clamp(noise.dark, 0, 255))];
-  out.grey_sd = std::sqrt(slope * slope * noise.grey_sd * noise.grey_sd +
-                          kRoundingVariance);
+  out.grey_sd =
+      std::sqrt(slope * slope * noise.grey_sd * noise.grey_sd + kRoundingVariance);
   out.luminance_variance = slope * slope * noise.luminance_variance + kRoundingVariance;
   return out;
 }

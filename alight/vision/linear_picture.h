@@ -10,8 +10,8 @@ namespace alight {
 
 /// Pictures of a camera that stores light by a power of it, value = 255 (light / 255) ^
 /// (1 / gamma), as nearly all do whose pictures are made for people to look at
-/// (IEC 61966-2-1: about 2.2), made what one would have stored that stores light itself:
-/// there what lights give adds up, and a light is as wide as the lens makes it.
+/// (IEC 61966-2-1: about 2.2), made what one would have stored that stores light
+/// itself: there what lights give adds up, and a light is as wide as the lens makes it.
 ///
 /// No allocation after construction.
 class LinearPicture {

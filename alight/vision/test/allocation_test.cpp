@@ -69,7 +69,7 @@ TEST(Allocation, NoneOnceDetectorFinderAndTrackerStand) {
           fit_lights(view, {.variance_px2 = 0.81, .share_sd = 0.35}, *detector, lights);
     }
     (void)linear.of(view, {10, 10, 100, 100});
-    gamma.look(view, std::array{Vector2(30, 30), Vector2(32, 32)}, 0.9, 2);
+    gamma.look(view, std::array{Vector2(30, 30), Vector2(32, 32)}, 0.9, {});
     looks += gamma.busy();
     while (gamma.busy()) gamma.step();
     EXPECT_EQ(news, before);

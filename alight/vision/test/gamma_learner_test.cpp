@@ -17,8 +17,8 @@ using test::Picture;
 struct CameraLook {
   double gamma = 1;
   double sd_px = 0.9;
-  double skirt = 0.05;   // height of a second, wider Gaussian, which is
-  double wider = 2.2;    // so many times as wide
+  double skirt = 0.05;    // height of a second, wider Gaussian, which is
+  double wider = 2.2;     // so many times as wide
   double noise_sd = 1.2;  // of light
   double knee = 255;      // brighter ones are stored darker than they are
 };
@@ -65,7 +65,7 @@ Learnt learn(const CameraLook& look, int looks, std::uint64_t seed, int count = 
     }
     const Picture picture = picture_of(look, lights, peak, rng);
     for (Vector2& uv : lights) uv += 0.1 * Vector2(rng.normal(), rng.normal());
-    out.learner.look(picture.view(), lights, stored_sd, 1);
+    out.learner.look(picture.view(), lights, stored_sd, picture_noise(picture.view()));
     int steps = 0;
     while (out.learner.busy()) {
       out.learner.step();
@@ -94,7 +94,8 @@ TEST(GammaLearner, FindsThePowerByWhichACameraStoresLight) {
   }
 }
 
-// Two Gaussians, wide or narrow, with skirts or without, are no two ways to store light.
+// Two Gaussians, wide or narrow, with skirts or without, are no two ways to store
+// light.
 TEST(GammaLearner, TakesNoLinearCameraForAnother) {
   int known = 0;
   Rng rng(5);
@@ -115,8 +116,7 @@ TEST(GammaLearner, TakesNoLinearCameraForAnother) {
 // A sensor that only bends what is bright adds up lights as a linear one does.
 TEST(GammaLearner, IsNotMisledByBrightLightsThatAreBent) {
   for (std::uint64_t seed = 1; seed <= 6; ++seed) {
-    const auto found =
-        learn({.knee = 205}, 40, 200 + seed, 2, 240).learner.gamma();
+    const auto found = learn({.knee = 205}, 40, 200 + seed, 2, 240).learner.gamma();
     if (found) {
       EXPECT_NEAR(*found, 1, 0.2) << seed;
     }
@@ -133,11 +133,11 @@ TEST(GammaLearner, SaysNothingFromLittle) {
   Rng rng(1);
   const std::vector<Vector2> one{Vector2(25, 25)};
   const Picture picture = picture_of({}, one, 150, rng);
-  learner.look(picture.view(), one, 1, 1);
+  learner.look(picture.view(), one, 1, {});
   EXPECT_FALSE(learner.busy());
   // Too near to the edge.
   const std::vector<Vector2> edge{Vector2(2, 2), Vector2(5, 2)};
-  learner.look(picture.view(), edge, 1, 1);
+  learner.look(picture.view(), edge, 1, {});
   EXPECT_FALSE(learner.busy());
 }
 
@@ -158,7 +158,7 @@ TEST(GammaLearner, StandsAnyPixels) {
                                                : 255 * rng.uniform());
     }
     const std::vector<Vector2> lights{Vector2(25, 25), Vector2(28, 25)};
-    learner.look(picture.view(), lights, 1, 1);
+    learner.look(picture.view(), lights, 1, {});
     for (int k = 0; k < 14; ++k) learner.step();
     EXPECT_FALSE(learner.busy());
   }

@@ -33,7 +33,8 @@ TEST(LinearPicture, HasLightInTheBoxAndIsBlackAround) {
   for (const int channels : {1, 3}) {
     Picture picture = colorful(channels);
     // Rows with a gap after them, as of a picture cut out of another.
-    std::vector<std::uint8_t> gaps(static_cast<std::size_t>(30 * (40 * channels + 7)), 9);
+    std::vector<std::uint8_t> gaps(static_cast<std::size_t>(30 * (40 * channels + 7)),
+                                   9);
     ImageView view = picture.view();
     view.data = gaps.data();
     view.stride = 40 * channels + 7;
@@ -43,9 +44,8 @@ TEST(LinearPicture, HasLightInTheBoxAndIsBlackAround) {
     const GreyTable light = light_of_stored(2.2);
     LinearPicture linear(40, 30, 2.2);
     // One after the other: nothing of an earlier box is left.
-    for (const Roi& box :
-         {Roi{5, 6, 12, 20}, Roi{-4, -9, 8, 10}, Roi{30, 20, 99, 99}, Roi{50, 5, 60, 9},
-          Roi{7, 9, 7, 12}, Roi{0, 0, 40, 30}}) {
+    for (const Roi& box : {Roi{5, 6, 12, 20}, Roi{-4, -9, 8, 10}, Roi{30, 20, 99, 99},
+                           Roi{50, 5, 60, 9}, Roi{7, 9, 7, 12}, Roi{0, 0, 40, 30}}) {
       const ImageView out = linear.of(view, box);
       ASSERT_EQ(out.width, 40);
       ASSERT_EQ(out.channels, channels);
@@ -85,7 +85,8 @@ TEST(LinearPicture, TellsTheNoiseThatItHas) {
       const PictureNoise seen = picture_noise(linear.of(picture.view()));
       EXPECT_NEAR(told.dark, seen.dark, 1) << gamma << ", " << level;
       EXPECT_NEAR(told.grey_sd, seen.grey_sd, 0.3 * seen.grey_sd + 0.5);
-      EXPECT_NEAR(std::sqrt(told.luminance_variance), std::sqrt(seen.luminance_variance),
+      EXPECT_NEAR(std::sqrt(told.luminance_variance),
+                  std::sqrt(seen.luminance_variance),
                   0.15 * std::sqrt(seen.luminance_variance) + 0.2)
           << gamma << ", " << level;
     }
