@@ -123,6 +123,7 @@ RelativeEstimatorConfig RelativeEstimatorConfig::camera_only() {
 
 namespace {
 constexpr double kGammaKept = 0.07;  // change of its logarithm that does not matter
+constexpr double kGammaBlur_px = 0.7;  // streaks are no round lights
 constexpr int kAroundRoi_px = 24;    // that fits to lights in it look at
 Roi grown(const Roi& roi, int px) {
   return {roi.u0 - px, roi.v0 - px, roi.u1 + px, roi.v1 + px};
@@ -342,27 +343,28 @@ void RelativeEstimator::learn_gamma(const ImageView& stored, const FrameReport& 
     return;
   }
   if (!out.tracked || gamma_learner_.settled() || stored.mosaic != Mosaic::none) return;
-  const double sd_px = std::sqrt(resolver_.spread().variance_px2 * linear_.gamma());
-  const double alone_px = GammaLearner::kAlone * sd_px;
+  FixedVector<LedObservation, kMaxLeds> seen;
+  for (const LedUse& use : out.leds) {
+    if (std::has_single_bit(use.observation.leds)) seen.push_back(use.observation);
+  }
   const auto led_of = [](const LedObservation& o) { return std::countr_zero(o.leds); };
+  const double sd_px = std::sqrt(resolver_.spread().variance_px2 * linear_.gamma());
   FixedVector<Vector2, GammaLearner::kLightsMost> best;
   double nearest = GammaLearner::kFarthest * sd_px;
-  for (std::size_t i = 0; i < seen_.size(); ++i) {
+  for (std::size_t i = 0; i < seen.size(); ++i) {
     for (std::size_t k = 0; k < i; ++k) {
-      const double apart = (seen_[i].uv - seen_[k].uv).norm();
+      const double apart = (seen[i].uv - seen[k].uv).norm();
       if (apart < GammaLearner::kNearest * sd_px || apart > nearest) continue;
-      const LedColor color = leds_.color(led_of(seen_[i]));
-      if (color != leds_.color(led_of(seen_[k]))) continue;
+      const LedColor color = leds_.color(led_of(seen[i]));
       FixedVector<Vector2, GammaLearner::kLightsMost> group;
-      group.push_back(seen_[i].uv);
-      group.push_back(seen_[k].uv);
-      const auto beside = [&](const Vector2& uv) {
-        return (uv - group[0]).norm() < alone_px || (uv - group[1]).norm() < alone_px;
-      };
       bool alone = true;
-      for (std::size_t j = 0; alone && j < seen_.size(); ++j) {
-        if (j == i || j == k || !beside(seen_[j].uv)) continue;
-        alone = leds_.color(led_of(seen_[j])) == color && group.push_back(seen_[j].uv);
+      const auto beside = [&](const Vector2& uv) {
+        const double reach = GammaLearner::kAlone * sd_px;
+        return (uv - seen[i].uv).norm() < reach || (uv - seen[k].uv).norm() < reach;
+      };
+      for (const LedObservation& o : seen) {
+        if (!beside(o.uv)) continue;
+        alone = alone && leds_.color(led_of(o)) == color && group.push_back(o.uv);
       }
       for (const RefusedBlob& blob : out.refused) alone = alone && !beside(blob.uv);
       if (!alone) continue;
@@ -370,9 +372,11 @@ void RelativeEstimator::learn_gamma(const ImageView& stored, const FrameReport& 
       nearest = apart;
     }
   }
-  if (best.size() > 0) {
-    gamma_learner_.look(stored, {best.data(), best.size()}, sd_px, noise_);
+  if (best.empty()) return;
+  for (const Vector2& blur_px : image_motion(filter_.state().X_NB())) {
+    if (blur_px.norm() > kGammaBlur_px) return;
   }
+  gamma_learner_.look(stored, {best.data(), best.size()}, sd_px, noise_);
 }
 
 bool RelativeEstimator::unseen_for_long(Time t) const {
