@@ -116,6 +116,19 @@ class Pictures(unittest.TestCase):
             self.assertLess(top[1], 60)
             self.assertGreater(min(top[0], top[2]), 100)
 
+    def test_gamma_stores_a_power_of_the_same_light(self):
+        pictures = {}
+        for gamma in (1, 2.2):
+            with tempfile.TemporaryDirectory() as name:
+                render(Path(name), "--seed", 6, "--frames", 1, "--gamma", gamma)
+                pictures[gamma] = np.asarray(Image.open(Path(name) / "00000.png"), float)
+        light, stored = pictures[1], pictures[2.2]
+        # Each was rounded, or cut, once.
+        least = 255 * (np.maximum(light - 0.5, 0) / 255)**(1 / 2.2) - 1
+        most = 255 * (np.minimum(light + 0.5, 255) / 255)**(1 / 2.2) + 1
+        self.assertTrue(((stored >= least) & (stored <= most))[light < 255].all())
+        self.assertGreater(stored.mean(), light.mean() + 5)
+
     def test_the_same_seed_gives_the_same_files_and_kinds_share_the_path(self):
         with tempfile.TemporaryDirectory() as a, tempfile.TemporaryDirectory() as b, \
                 tempfile.TemporaryDirectory() as c:

@@ -612,6 +612,8 @@ def main():
     sites = sites_of(rig["camera"].get("mosaic", "none"))
     if o.grey and sites:
         stop("--grey: a camera without colours has no mosaic")
+    if o.gamma is not None and not 0.4 <= o.gamma <= 3:
+        stop(f"--gamma: {o.gamma:g} must lie in [0.4, 3]")
     if o.yuv422 and lens.width % 2:
         stop(f"--yuv422: needs an even width, the rig's camera has {lens.width}")
     rate = float(rig["camera"].get("rate_hz", 60))
@@ -622,7 +624,7 @@ def main():
     seconds = o.frames / rate
     flight, close = draw_flight(rng["path"], lens, leds, max(seconds, 10.0))
 
-    look = Look(rng["look"], o.kind, o.grey, sites, o.yuv422)
+    look = Look(rng["look"], o.kind, o.grey, sites, o.yuv422, o.gamma)
     gains = np.exp(rng["leds"].normal(0, 0.12, count))
     if o.kind == "hard":
         gains = 3.0**(rng["leds"].permutation(count) / max(count - 1, 1) - 0.5)

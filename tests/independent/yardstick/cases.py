@@ -51,6 +51,10 @@ def sequences(quick):
         add(f"mosaic_{seed}", ["--seed", seed], MOSAIC, group="mosaic")
     for seed in range(31, 32 if quick else 34):
         add(f"rolling_{seed}", ["--seed", seed], ROLLING, group="rolling")
+    for seed in range(41, 42 if quick else 44):
+        # Light stored by a power of it, of which the rig file says nothing.
+        out.append(Case(f"other_gamma_{seed}", "other",
+                        ["--seed", seed, "--gamma", 2.2], group="other gamma 2.2"))
     add("strays_100", ["--seed", 13, "--frames", 300, "--stray", 100], group="100 strays")
     dead = [("one dead", ALAN, (2,)), ("two dead", ALAN, (0, 4)),
             ("three of eight dead", EIGHT, (1, 4, 6))]
