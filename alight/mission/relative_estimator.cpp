@@ -122,9 +122,9 @@ RelativeEstimatorConfig RelativeEstimatorConfig::camera_only() {
 }
 
 namespace {
-constexpr double kGammaKept = 0.07;  // change of its logarithm that does not matter
+constexpr double kGammaKept = 0.07;    // change of its logarithm that does not matter
 constexpr double kGammaBlur_px = 0.7;  // streaks are no round lights
-constexpr int kAroundRoi_px = 24;    // that fits to lights in it look at
+constexpr int kAroundRoi_px = 24;      // that fits to lights in it look at
 Roi grown(const Roi& roi, int px) {
   return {roi.u0 - px, roi.v0 - px, roi.u1 + px, roi.v1 + px};
 }

@@ -2,6 +2,8 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <tuple>
+#include <utility>
 
 #include "alight/mission/relative_estimator.h"
 #include "alight/vision/blobs_apart.h"
@@ -53,6 +55,8 @@ bool near(const Pose& a, const Pose& b, double distance, double turn) {
 void RelativeEstimator::search_either_way(const CameraFrame& stored,
                                           const MotionSource& motion, FrameReport& out,
                                           Probe* probe) {
+  const auto contrary = [&] { return std::pair(confirmations_, X_NB_contrary_); };
+  const auto before = contrary();
   if (search(stored, motion, out, probe)) {
     unfound_ = 0;
     return;
@@ -65,7 +69,9 @@ void RelativeEstimator::search_either_way(const CameraFrame& stored,
   const double believed = linear_.gamma();
   const LedResolver as_believed = resolver_;
   const RivalPoses rivals = rivals_;
-  const int confirmations = confirmations_;
+  const auto after = contrary();
+  // One picture confirms once.
+  std::tie(confirmations_, X_NB_contrary_) = before;
   take_gamma(believed == 1 ? kGammaUsual : 1);
   if (search(stored, motion, out, probe, true)) {
     unfound_ = 0;
@@ -74,7 +80,7 @@ void RelativeEstimator::search_either_way(const CameraFrame& stored,
   take_gamma(believed);
   resolver_ = as_believed;
   rivals_ = rivals;
-  confirmations_ = confirmations;
+  std::tie(confirmations_, X_NB_contrary_) = after;
   out = as_searched;
 }
 
