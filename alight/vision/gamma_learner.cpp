@@ -38,6 +38,9 @@ constexpr double kSaidSd = 0.12, kSettledSd = 0.04;
 // is a sum of these Gaussians; it must be more by so many sd.
 constexpr double kNone = 0.12, kSds = 2;
 constexpr int kLooksLeast = 5;
+// What excludes them by so many sd is said after fewer looks.
+constexpr double kSdsAtOnce = 4;
+constexpr int kLooksAtOnce = 3;
 
 double squared(double x) { return x * x; }
 
@@ -105,7 +108,7 @@ void GammaLearner::look(const ImageView& stored, std::span<const Vector2> lights
 
 void GammaLearner::weigh(const PictureNoise& noise) {
   // Noise is that of light: of what is stored, brighter pixels have less.
-  const double power = looks_ < kLooksLeast ? 1 : std::exp(-sum_ / information_);
+  const double power = excludes_one(kSds) ? std::exp(-sum_ / information_) : 1;
   const double dark = std::max<double>(noise.dark, 1);
   const auto slope = [&](double value) {
     return power * std::pow(std::max(value, dark) / 255, 1 - 1 / power);
@@ -226,11 +229,16 @@ void GammaLearner::finish() {
   ++looks_;
 }
 
+bool GammaLearner::excludes_one(double sds) const {
+  return looks_ > 1 && sum_ / information_ - sds / std::sqrt(information_) > kNone;
+}
+
 std::optional<double> GammaLearner::gamma() const {
-  if (looks_ < kLooksLeast || information_ * squared(kSaidSd) < 1) return std::nullopt;
-  const double log = sum_ / information_, sd = 1 / std::sqrt(information_);
-  if (log - kSds * sd < kNone) return 1;
-  return std::clamp(std::exp(log), Rig::kGammaLeast, Rig::kGammaMost);
+  const bool beyond_doubt = looks_ >= kLooksAtOnce && excludes_one(kSdsAtOnce);
+  const bool well = looks_ >= kLooksLeast && information_ * squared(kSaidSd) >= 1;
+  if (!beyond_doubt && !well) return std::nullopt;
+  if (!excludes_one(kSds)) return 1;
+  return std::clamp(std::exp(sum_ / information_), Rig::kGammaLeast, Rig::kGammaMost);
 }
 
 bool GammaLearner::settled() const { return information_ * squared(kSettledSd) >= 1; }

@@ -54,6 +54,8 @@ class GammaLearner {
   };
   int parameters() const { return 3 * lights_ + kWidths + 2; }
   void weigh(const PictureNoise& noise);
+  /// The camera does not store light itself, by so many sd.
+  bool excludes_one(double sds) const;
   Equations equations(const Vector& at) const;
   void finish();
 

@@ -125,7 +125,7 @@ TEST(GammaLearner, IsNotMisledByBrightLightsThatAreBent) {
 
 TEST(GammaLearner, SaysNothingFromLittle) {
   EXPECT_FALSE(GammaLearner().gamma());
-  EXPECT_FALSE(learn({.gamma = 2.2}, 3, 1).learner.gamma());
+  EXPECT_FALSE(learn({.gamma = 2.2}, 2, 1).learner.gamma());
   // Lights that are hardly there,
   EXPECT_FALSE(learn({.gamma = 2.2, .noise_sd = 0.1}, 40, 1, 2, 3).learner.gamma());
   // and one that stands alone.
