@@ -55,6 +55,9 @@ def sequences(quick):
         # Light stored by a power of it, of which the rig file says nothing.
         out.append(Case(f"other_gamma_{seed}", "other",
                         ["--seed", seed, "--gamma", 2.2], group="other gamma 2.2"))
+    out.append(Case("other_gamma_hard", "other",
+                    ["--seed", 44, "--kind", "hard", "--gamma", 2.2],
+                    group="other hard, gamma 2.2"))
     add("strays_100", ["--seed", 13, "--frames", 300, "--stray", 100], group="100 strays")
     dead = [("one dead", ALAN, (2,)), ("two dead", ALAN, (0, 4)),
             ("three of eight dead", EIGHT, (1, 4, 6))]
