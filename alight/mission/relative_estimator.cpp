@@ -38,6 +38,56 @@ constexpr unsigned kLookAgainEvery = 8;
 // So many pictures in a row, each another than the one before: the camera has noise, or
 // what it sees moves. More than a drone that was put down takes to come to rest.
 constexpr int kNoisyPictures = 30;
+constexpr double kGammaKept = 0.07;    // change of its logarithm that does not matter
+constexpr double kGammaBlur_px = 0.7;  // streaks are no round lights
+constexpr int kAroundRoi_px = 24;      // that fits to lights in it look at
+
+Roi grown(const Roi& roi, int px) {
+  return {roi.u0 - px, roi.v0 - px, roi.u1 + px, roi.v1 + px};
+}
+
+using FewLights = FixedVector<Vector2, GammaLearner::kLightsMost>;
+
+/// The two lights of one LED each that stand nearest to one another among those that
+/// tell a gamma, with one more that may stand beside them; none: empty.
+FewLights lights_side_by_side(const FrameReport& report, const Constellation& leds,
+                              double sd_px) {
+  FixedVector<LedObservation, kMaxLeds> seen;
+  for (const LedUse& use : report.leds) {
+    if (std::has_single_bit(use.observation.leds)) seen.push_back(use.observation);
+  }
+  const auto color_of = [&](const LedObservation& o) {
+    return leds.color(std::countr_zero(o.leds));
+  };
+  const double alone_px = GammaLearner::kAlone * sd_px;
+  const auto group_of = [&](const LedObservation& a, const LedObservation& b) {
+    const auto beside = [&](const Vector2& uv) {
+      return (uv - a.uv).norm() < alone_px || (uv - b.uv).norm() < alone_px;
+    };
+    FewLights group;
+    for (const LedObservation& o : seen) {
+      if (!beside(o.uv)) continue;
+      if (color_of(o) != color_of(a) || !group.push_back(o.uv)) return FewLights();
+    }
+    for (const RefusedBlob& blob : report.refused) {
+      if (beside(blob.uv)) return FewLights();
+    }
+    return group;
+  };
+  FewLights best;
+  double nearest = GammaLearner::kFarthest * sd_px;
+  for (std::size_t i = 0; i < seen.size(); ++i) {
+    for (std::size_t k = 0; k < i; ++k) {
+      const double apart = (seen[i].uv - seen[k].uv).norm();
+      if (apart < GammaLearner::kNearest * sd_px || apart > nearest) continue;
+      const FewLights group = group_of(seen[i], seen[k]);
+      if (group.empty()) continue;
+      best = group;
+      nearest = apart;
+    }
+  }
+  return best;
+}
 
 }  // namespace
 
@@ -120,15 +170,6 @@ RelativeEstimatorConfig RelativeEstimatorConfig::camera_only() {
   config.learn_leds_from_m = 0.0008;  // what noise may feign, seen from 3 m, is less
   return config;
 }
-
-namespace {
-constexpr double kGammaKept = 0.07;    // change of its logarithm that does not matter
-constexpr double kGammaBlur_px = 0.7;  // streaks are no round lights
-constexpr int kAroundRoi_px = 24;      // that fits to lights in it look at
-Roi grown(const Roi& roi, int px) {
-  return {roi.u0 - px, roi.v0 - px, roi.u1 + px, roi.v1 + px};
-}
-}  // namespace
 
 PredictionInput NoMotion::at(Time t, const RelativeState&) const {
   PredictionInput input;
@@ -343,40 +384,13 @@ void RelativeEstimator::learn_gamma(const ImageView& stored, const FrameReport& 
     return;
   }
   if (!out.tracked || gamma_learner_.settled() || stored.mosaic != Mosaic::none) return;
-  FixedVector<LedObservation, kMaxLeds> seen;
-  for (const LedUse& use : out.leds) {
-    if (std::has_single_bit(use.observation.leds)) seen.push_back(use.observation);
-  }
-  const auto led_of = [](const LedObservation& o) { return std::countr_zero(o.leds); };
   const double sd_px = std::sqrt(resolver_.spread().variance_px2 * linear_.gamma());
-  FixedVector<Vector2, GammaLearner::kLightsMost> best;
-  double nearest = GammaLearner::kFarthest * sd_px;
-  for (std::size_t i = 0; i < seen.size(); ++i) {
-    for (std::size_t k = 0; k < i; ++k) {
-      const double apart = (seen[i].uv - seen[k].uv).norm();
-      if (apart < GammaLearner::kNearest * sd_px || apart > nearest) continue;
-      const LedColor color = leds_.color(led_of(seen[i]));
-      FixedVector<Vector2, GammaLearner::kLightsMost> group;
-      bool alone = true;
-      const auto beside = [&](const Vector2& uv) {
-        const double reach = GammaLearner::kAlone * sd_px;
-        return (uv - seen[i].uv).norm() < reach || (uv - seen[k].uv).norm() < reach;
-      };
-      for (const LedObservation& o : seen) {
-        if (!beside(o.uv)) continue;
-        alone = alone && leds_.color(led_of(o)) == color && group.push_back(o.uv);
-      }
-      for (const RefusedBlob& blob : out.refused) alone = alone && !beside(blob.uv);
-      if (!alone) continue;
-      best = group;
-      nearest = apart;
-    }
-  }
-  if (best.empty()) return;
+  const FewLights lights = lights_side_by_side(out, leds_, sd_px);
+  if (lights.empty()) return;
   for (const Vector2& blur_px : image_motion(filter_.state().X_NB())) {
     if (blur_px.norm() > kGammaBlur_px) return;
   }
-  gamma_learner_.look(stored, {best.data(), best.size()}, sd_px, noise_);
+  gamma_learner_.look(stored, {lights.data(), lights.size()}, sd_px, noise_);
 }
 
 bool RelativeEstimator::unseen_for_long(Time t) const {

@@ -37,29 +37,25 @@ ImageView LinearPicture::of(const ImageView& picture) {
 ImageView LinearPicture::of(const ImageView& picture, const Roi& box) {
   if (gamma_ == 1) return picture;
   assert(picture.width == width_ && picture.height == height_);
-  const auto channels = static_cast<std::size_t>(picture.channels);
-  const std::size_t stride = static_cast<std::size_t>(width_) * channels;
-  const auto begin = [&](int v, int u) {
-    return static_cast<std::size_t>(v) * stride +
-           static_cast<std::size_t>(u) * channels;
-  };
+  // Rows have room for colours and `written_` counts bytes: what a picture of other
+  // channels has left is found as well.
+  ImageView out = picture;
+  out.data = pixels_.data();
+  out.stride = static_cast<std::ptrdiff_t>(width_) * kChannelsMost;
+  const auto row = [&](int v) { return pixels_.data() + v * out.stride; };
   for (int v = written_.v0; v < written_.v1; ++v) {
-    std::fill(pixels_.data() + begin(v, written_.u0),
-              pixels_.data() + begin(v, written_.u1), std::uint8_t{0});
+    std::fill(row(v) + written_.u0, row(v) + written_.u1, std::uint8_t{0});
   }
-  written_ = {std::clamp(box.u0, 0, width_), std::clamp(box.v0, 0, height_),
-              std::clamp(box.u1, 0, width_), std::clamp(box.v1, 0, height_)};
+  const int bytes = width_ * picture.channels;
+  written_ = {
+      std::clamp(box.u0 * picture.channels, 0, bytes), std::clamp(box.v0, 0, height_),
+      std::clamp(box.u1 * picture.channels, 0, bytes), std::clamp(box.v1, 0, height_)};
   if (written_.empty()) written_ = {};
   for (int v = written_.v0; v < written_.v1; ++v) {
     const std::uint8_t* from = picture.row(v);
-    std::transform(from + static_cast<std::size_t>(written_.u0) * channels,
-                   from + static_cast<std::size_t>(written_.u1) * channels,
-                   pixels_.data() + begin(v, written_.u0),
+    std::transform(from + written_.u0, from + written_.u1, row(v) + written_.u0,
                    [&](std::uint8_t value) { return light_[value]; });
   }
-  ImageView out = picture;
-  out.data = pixels_.data();
-  out.stride = static_cast<std::ptrdiff_t>(stride);
   return out;
 }
 

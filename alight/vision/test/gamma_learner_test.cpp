@@ -23,7 +23,7 @@ struct CameraLook {
   double knee = 255;      // brighter ones are stored darker than they are
 };
 
-/// Lights `apart` from one another in a corner, on a background of 3.
+/// Lights of about that peak, on a background of 3.
 Picture picture_of(const CameraLook& look, const std::vector<Vector2>& lights,
                    double peak, Rng& rng) {
   Picture picture(3, 60, 50);

@@ -62,6 +62,25 @@ TEST(LinearPicture, HasLightInTheBoxAndIsBlackAround) {
   }
 }
 
+TEST(LinearPicture, OfOtherChannelsLeavesNothingBehind) {
+  const Picture grey = colorful(1), color = colorful(3);
+  for (const bool grey_first : {true, false}) {
+    const Picture &first = grey_first ? grey : color, &then = grey_first ? color : grey;
+    LinearPicture linear(40, 30, 2.2);
+    (void)linear.of(first.view(), {18, 8, 35, 28});
+    const ImageView out = linear.of(then.view(), {5, 6, 12, 20});
+    ASSERT_EQ(out.channels, then.channels);
+    for (int v = 0; v < 30; ++v) {
+      for (int u = 0; u < 40; ++u) {
+        if (u >= 5 && u < 12 && v >= 6 && v < 20) continue;
+        for (int c = 0; c < out.channels; ++c) {
+          ASSERT_EQ(out.row(v)[u * out.channels + c], 0);
+        }
+      }
+    }
+  }
+}
+
 TEST(LinearPicture, ChangesWithGamma) {
   const Picture picture = colorful(3);
   LinearPicture linear(picture.width, picture.height, 1);
