@@ -340,7 +340,10 @@ void LandingSystem::Parts::watch_lean(FrameReport& frame) {
                     std::abs(to_seconds(frame.t - telemetry.captured)) < kLeanTold;
   // One that takes over another heading is told to lean elsewhere meanwhile.
   const bool turns = to_seconds(frame.t - heading_begun) < kLeanAfterTurn;
-  if (!told || turns) {
+  // Nor what it did while the computer stood still.
+  const Time woke = sight.woke();
+  const bool missed = woke > 0 && to_seconds(frame.t - woke) < kLeanAfterTurn;
+  if (!told || turns || missed) {
     lean.pause();
     return;
   }

@@ -23,6 +23,7 @@ constexpr Seconds kArmsYet = 0.5;
 // there on must be flyable from where it is. It brakes within the other.
 constexpr double kStrayed = 0.6;
 constexpr double kBrakeWithin = 0.15;
+constexpr double kRoomTaken = 0.5;  // of that below it: it lags behind what it is told
 constexpr double kHardestBrake = 4;  // m/s^2
 // A platform that is faster than the limit for so long, s, stays so.
 constexpr Seconds kTooFastFor = 0.5;
@@ -143,15 +144,23 @@ void Mission::move_to(const Vector3& p_NB, double speed, const MissionInput& in)
   limits.speed_m_s = speed;
   limits.acceleration_m_s2 =
       config_.move_acceleration_m_s2 * speed / config_.move_speed_m_s;
-  FlatState from = maneuver_.at(in.now);
+  const FlatState from = maneuver_.at(in.now);
   if ((from.p_NB - in.x.p_NB).norm() > config_.go_around_error_m) {
-    from = as_it_flies(in.x);
-    const double room = std::clamp(from.p_NB.z() - gear_height_, 0.03, kBrakeWithin);
-    const double within = from.v_NB.z() < 0 ? room : kBrakeWithin;
-    const double brake =
-        std::min(in.x.v_NB.squaredNorm() / (2 * within), kHardestBrake);
-    limits.acceleration_m_s2 = std::max(limits.acceleration_m_s2, brake);
+    move_from_here(p_NB, limits, in);
+    return;
   }
+  maneuver_ = Maneuver::move(PointToPoint(in.now, from, p_NB, 0, limits));
+  has_next_ = false;
+}
+
+void Mission::move_from_here(const Vector3& p_NB, MoveLimits limits,
+                             const MissionInput& in) {
+  const FlatState from = as_it_flies(in.x);
+  const double room =
+      std::clamp(kRoomTaken * (from.p_NB.z() - gear_height_), 0.03, kBrakeWithin);
+  const double within = from.v_NB.z() < 0 ? room : kBrakeWithin;
+  const double brake = std::min(in.x.v_NB.squaredNorm() / (2 * within), kHardestBrake);
+  limits.acceleration_m_s2 = std::max(limits.acceleration_m_s2, brake);
   maneuver_ = Maneuver::move(PointToPoint(in.now, from, p_NB, 0, limits));
   has_next_ = false;
 }

@@ -65,6 +65,11 @@ class Mission {
   using Command = MissionCommand;
   void go(MissionState to, const char* reason, const MissionInput& in, Output& out);
   void move_to(const Vector3& p_NB, double speed, const MissionInput& in);
+  /// From where and as it flies, braking within the room below it.
+  void move_from_here(const Vector3& p_NB, MoveLimits limits, const MissionInput& in);
+  /// Where a take-off leads, and how fast.
+  Vector3 above_pad() const;
+  MoveLimits climb() const;
   /// As plans are told it.
   PlatformState platform_at(Time t, const MissionInput& in) const;
   /// From where the reference will be when a plan can be in force.
@@ -146,6 +151,8 @@ class Mission {
   bool would_meet(const MissionInput& in) const;
   Vector3 search_from(const MissionInput& in) const;
   bool may_be_left(const MissionInput& in);
+  /// Whether or not it is heard.
+  bool does_as_told(const MissionInput& in) const;
   /// It has been seen flying for long enough to know its weight and the wind.
   bool learnt(const MissionInput& in) const;
   Seconds in_state(const MissionInput& in) const;
@@ -200,6 +207,7 @@ class Mission {
   bool wanted_ = false, hold_wanted_ = false, abort_wanted_ = false;
   bool airborne_ = false;
   Time lifted_at_ = 0;
+  Time climbs_since_ = 0;    // its way up begins
   double highest_ = 0;       // that it was seen since, m
   double share_lifted_ = 0;  // of the nominal hover thrust, then
   Matrix3 R_rest_ = Matrix3::Identity();

@@ -62,6 +62,8 @@ constexpr double kSinksLeast = 0.42;
 constexpr Seconds kHeightKnown = 0.1;
 constexpr double kSinksUnseen = 0.2, kFallsUnseen = 0.8, kSunkMost = 0.3;
 constexpr double kOffGround = 0.15;
+// A gust and its lift-off have it do something else for so long.
+constexpr Seconds kStillAsTold = 0.5;
 
 /// How long one that brakes with time constant `tau` would have gone on at its first
 /// speed to get as far as it has after `t`.
@@ -335,9 +337,16 @@ bool Mission::stop_on_floor(const MissionInput& in, Command& c, Output& out) {
   return true;
 }
 
+bool Mission::does_as_told(const MissionInput& in) const {
+  return in_sight(in) && to_seconds(in.now - as_told_till_) <= kStillAsTold;
+}
+
 bool Mission::may_be_left(const MissionInput& in) {
-  const bool heard = in.link->healthy(in.now) && in.mode == AutopilotMode::offboard;
-  if (!heard || !in.estimate_valid || in_state(in) > config_.leave_max_s) return true;
+  // Unheard but seen to do as it is told, an order to land would have it come down
+  // where it is.
+  const bool obeys = in.mode == AutopilotMode::offboard &&
+                     (in.link->healthy(in.now) || does_as_told(in));
+  if (!obeys || !in.estimate_valid || in_state(in) > config_.leave_max_s) return true;
   if (in_sight(in)) return outline_.clear(in.x.p_NB);
   // Better it drifts than that it sinks on a prediction that knows no thrust.
   if (!learnt(in)) return true;

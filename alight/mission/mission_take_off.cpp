@@ -22,6 +22,7 @@ constexpr double kSurelyFlies = 0.06;  // m above where it stood
 constexpr double kStillStands = 0.85;
 // What its autopilot has done by itself within this time, s, has not lifted it off.
 constexpr Seconds kJustTookOver = 0.4;
+constexpr Seconds kComesToRest = 0.2;
 constexpr Seconds kFirstPicture = 0.2;  // after a stall, at the latest
 // A drone that slides is about to lift. Its thrust grows by this share of the ramp's
 // rate from there on: what is on its way as it lifts throws it up, and is all that it
@@ -154,6 +155,16 @@ void Mission::taken_off(const MissionInput& in, Command& c, Output& out) {
       c.ramp_share = share_lifted_;
       lift(false, 0, in, c, out);
     }
+    const bool slept = in.woke > climbs_since_ && in.seen > in.woke;
+    if (slept || (failsafe_ && fresh)) {
+      // Meanwhile its autopilot sank, over a pad that drove on. Behind that it climbs
+      // where it comes to rest, lest it meet the edge.
+      climbs_since_ = in.now;
+      Vector3 up = above_pad();
+      const Vector3 rests = in.x.p_NB + kComesToRest * in.x.v_NB;
+      if ((rests - up).dot(from_lens_) > 0) up.head<2>() = rests.head<2>();
+      move_from_here(up, climb(), in);
+    }
     leave_ground(in, c);
     if (!fresh && unseen(in) > config_.sight_lost_s) {
       go(MissionState::lost_target, words_for(in.blindness).lost, in, out);
@@ -274,7 +285,7 @@ void Mission::taken_over_on_ramp(double share, const MissionInput& in, Command& 
 void Mission::lift(bool carried, double flown, const MissionInput& in, Command& c,
                    Output& out) {
   airborne_ = true;
-  lifted_at_ = in.now;
+  lifted_at_ = climbs_since_ = in.now;
   highest_ = in.x_seen.p_NB.z();
   share_lifted_ = c.ramp_share;
   c.lifted = true;
@@ -289,12 +300,20 @@ void Mission::lift(bool carried, double flown, const MissionInput& in, Command& 
     go(MissionState::follow, "in sight: to the follow point", in, out);
     return;
   }
+  maneuver_ = Maneuver::move(PointToPoint(in.now, from, above_pad(), 0, climb()));
+}
+
+Vector3 Mission::above_pad() const {
+  Vector3 up = p_rest_ + config_.take_off_back_m * from_lens_;
+  up.z() = config_.take_off_height_m;
+  return up;
+}
+
+MoveLimits Mission::climb() const {
   MoveLimits limits;
   limits.speed_m_s = config_.climb_speed_m_s;
   limits.acceleration_m_s2 = config_.move_acceleration_m_s2;
-  Vector3 up = p_rest_ + config_.take_off_back_m * from_lens_;
-  up.z() = config_.take_off_height_m;
-  maneuver_ = Maneuver::move(PointToPoint(in.now, from, up, 0, limits));
+  return limits;
 }
 
 double Mission::ramp_share(const MissionInput& in) {

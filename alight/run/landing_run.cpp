@@ -561,8 +561,9 @@ Result<LandingResult> run_landing(const LandingRunOptions& options,
   auto world = World::create(options.scenario, options.rig, options.seed);
   if (!world) return fail(world.error());
   const CameraSimConfig camera = camera_config(options);
-  auto renderer =
-      CameraRenderer::create(camera, (*world)->true_rig().rig, options.seed);
+  Rig flown = (*world)->true_rig().rig;
+  if (options.scenario.camera.gamma > 0) flown.gamma = options.scenario.camera.gamma;
+  auto renderer = CameraRenderer::create(camera, flown, options.seed);
   if (!renderer) return fail(renderer.error());
   Loop loop(options, observer, std::move(*world), std::move(*renderer),
             from_seconds(1e-3 * camera.depth_offset_ms), std::move(*brain),

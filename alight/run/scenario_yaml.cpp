@@ -58,6 +58,7 @@ void visit(Visitor& v, Scenario& s) {
     m.field("pad_reflectance", s.camera.pad_reflectance);
     m.field("jpeg", s.camera.jpeg);
     m.field("noise", s.camera.noise);
+    m.field("gamma", s.camera.gamma);
     m.field("depth_offset_ms", s.camera.depth_offset_ms);
   });
   v.map("odometry", [&](auto& m) {

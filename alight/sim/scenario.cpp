@@ -5,6 +5,7 @@
 #include <string>
 
 #include "alight/base/bounds.h"
+#include "alight/geometry/rig.h"
 
 namespace alight {
 namespace {
@@ -85,6 +86,9 @@ Result<void> Scenario::validate() const {
   check.range("camera.pad_reflectance", camera.pad_reflectance, 0, 1);
   check.range("camera.jpeg", camera.jpeg, 0, 100);
   check.range("camera.noise", camera.noise, 0, 20);
+  if (camera.gamma != 0) {
+    check.range("camera.gamma", camera.gamma, Rig::kGammaLeast, Rig::kGammaMost);
+  }
   check.range("camera.depth_offset_ms", camera.depth_offset_ms, 0, 15);
   check.range("odometry.rate_hz", odometry.rate_hz, 1, 500);
   check.range("odometry.latency_ms", odometry.latency_ms, 0, 500);

@@ -90,6 +90,7 @@ struct CameraScenario {
   double pad_reflectance = 0.2;
   int jpeg = 0;        ///< Quality; 0: not compressed.
   double noise = 1.0;  ///< Times that of a usual sensor.
+  double gamma = 0;    ///< Rig::gamma of the camera that looks; 0: as the rig says.
   double depth_offset_ms =
       15;  ///< Depth against colour, drawn uniformly within +- this.
 };

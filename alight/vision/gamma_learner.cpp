@@ -15,7 +15,7 @@ constexpr double kSdLeast_px = 0.7, kSdMost_px = 2.5;
 constexpr double kWidth[] = {0.55, 0.85, 1.25, 1.9, 2.9};  // sd
 constexpr double kShare[] = {0.2, 0.3, 0.4, 0.1, 0.02};    // to begin with
 constexpr int kBrightest = 200;  // grey levels; cameras bend what is brighter
-constexpr double kShot = 0.06;   // variance per grey level
+constexpr double kShot = 0.06;  // variance per grey level of light
 constexpr double kMismatch = 0.005, kRounding = 1.0 / 12;
 constexpr double kNoiseLeast = 0.5;
 constexpr double kLightLeast = 40;  // grey levels over the background
@@ -34,15 +34,23 @@ constexpr double kChi2Most = 3, kChi2Least = 0.2;
 constexpr double kLookSd =
     0.12;  // a look tells no better: lights differ from one another
 constexpr double kSaidSd = 0.12, kSettledSd = 0.04;
-// What of its logarithm cameras that store light itself may seem to have, for no light
-// is a sum of these Gaussians; it must be more by so many sd.
-constexpr double kNone = 0.12, kSds = 2;
-constexpr int kLooksLeast = 5;
-// What excludes them by so many sd is said after fewer looks.
-constexpr double kSdsAtOnce = 4;
-constexpr int kLooksAtOnce = 3;
+constexpr int kLooksLeast = 5;  // that say it is light itself
+// The logarithm that cameras which store light itself seem to have, for no light is a
+// sum of these Gaussians, that of nearly all others, and of the rest: mean, sd, share.
+struct Kind {
+  double mean, sd, share;
+};
+constexpr Kind kLight = {0.05, 0.08, 0.6}, kUsual = {0.788, 0.06, 0.25},
+               kOther = {0.5, 0.5, 0.15};
 
 double squared(double x) { return x * x; }
+
+/// How likely it is that one of a kind seems to have this.
+double likelihood(const Kind& kind, double mean, double variance) {
+  const double both = variance + squared(kind.sd);
+  return kind.share * std::exp(-0.5 * squared(mean - kind.mean) / both) /
+         std::sqrt(both);
+}
 
 }  // namespace
 
@@ -108,7 +116,7 @@ void GammaLearner::look(const ImageView& stored, std::span<const Vector2> lights
 
 void GammaLearner::weigh(const PictureNoise& noise) {
   // Noise is that of light: of what is stored, brighter pixels have less.
-  const double power = excludes_one(kSds) ? std::exp(-sum_ / information_) : 1;
+  const double power = std::exp(-exponent());
   const double dark = std::max<double>(noise.dark, 1);
   const auto slope = [&](double value) {
     return power * std::pow(std::max(value, dark) / 255, 1 - 1 / power);
@@ -229,16 +237,24 @@ void GammaLearner::finish() {
   ++looks_;
 }
 
-bool GammaLearner::excludes_one(double sds) const {
-  return looks_ > 1 && sum_ / information_ - sds / std::sqrt(information_) > kNone;
+double GammaLearner::exponent() const {
+  if (looks_ == 0) return 0;
+  const double mean = sum_ / information_, variance = 1 / information_;
+  const double light = likelihood(kLight, mean, variance);
+  const double usual = likelihood(kUsual, mean, variance);
+  const double other = likelihood(kOther, mean, variance);
+  if (usual + other < light) return 0;
+  if (usual < other) return mean;
+  return (kUsual.mean * variance + mean * squared(kUsual.sd)) /
+         (variance + squared(kUsual.sd));
 }
 
 std::optional<double> GammaLearner::gamma() const {
-  const bool beyond_doubt = looks_ >= kLooksAtOnce && excludes_one(kSdsAtOnce);
+  if (const double ln = exponent(); ln != 0) {
+    return std::clamp(std::exp(ln), Rig::kGammaLeast, Rig::kGammaMost);
+  }
   const bool well = looks_ >= kLooksLeast && information_ * squared(kSaidSd) >= 1;
-  if (!beyond_doubt && !well) return std::nullopt;
-  if (!excludes_one(kSds)) return 1;
-  return std::clamp(std::exp(sum_ / information_), Rig::kGammaLeast, Rig::kGammaMost);
+  return well ? std::optional<double>(1) : std::nullopt;
 }
 
 bool GammaLearner::settled() const { return information_ * squared(kSettledSd) >= 1; }

@@ -18,15 +18,24 @@ std::uint64_t fingerprint(const ImageView& picture, const Roi& roi, int step) {
   lanes.fill(1469598103934665603u);
   const auto begin = static_cast<std::size_t>(roi.u0 * picture.channels);
   const auto end = static_cast<std::size_t>(roi.u1 * picture.channels);
-  for (int v = roi.v0; v < roi.v1; v += step) {
-    for (std::size_t at = begin; at < end; at += 32) {
-      std::array<std::uint64_t, 4> words{};
-      std::memcpy(words.data(), picture.row(v) + at,
-                  std::min<std::size_t>(32, end - at));
-      for (std::size_t k = 0; k < 4; ++k) {
-        lanes[k] = (lanes[k] ^ words[k]) * 1099511628211u;
-      }
+  std::array<std::uint64_t, 4> words;
+  const auto mix = [&] {
+    for (std::size_t k = 0; k < 4; ++k) {
+      lanes[k] = (lanes[k] ^ words[k]) * 1099511628211u;
     }
+  };
+  for (int v = roi.v0; v < roi.v1; v += step) {
+    const std::uint8_t* row = picture.row(v);
+    std::size_t at = begin;
+    // As long as the size is a constant, a copy is a load.
+    for (; at + sizeof(words) <= end; at += sizeof(words)) {
+      std::memcpy(words.data(), row + at, sizeof(words));
+      mix();
+    }
+    if (at >= end) continue;
+    words.fill(0);
+    std::memcpy(words.data(), row + at, end - at);
+    mix();
   }
   std::uint64_t hash = 0;
   for (const std::uint64_t lane : lanes) hash = (hash ^ lane) * 1099511628211u;

@@ -71,6 +71,10 @@ class Lens:
         mount = rig["mount"]
         housing = rotation_rpy(*np.radians(mount["rpy_deg"]))
         self.place = np.array(mount["xyz_m"], float)
+        # Which way the LEDs of a drone face that lands with its axes along the pad's.
+        level = self.place * [1, 1, 0]
+        self.faced_B = (unit(level) if np.linalg.norm(level) > 0.05 else
+                        np.array([1.0, 0.0, 0.0]))
         # Columns: optical x (right), y (down), z (out) in N.
         self.axes = np.stack([-housing[:, 1], -housing[:, 2], housing[:, 0]], axis=1)
 
@@ -137,7 +141,8 @@ class Flight:
         p, v, a = (self.spline(t, order) for order in range(3))
         z = unit(a + GRAVITY + self.drag * v)
         to_lens = self.lens.place - p
-        yaw = (np.arctan2(to_lens[..., 1], to_lens[..., 0]) +
+        yaw = (np.arctan2(to_lens[..., 1], to_lens[..., 0]) -
+               math.atan2(self.lens.faced_B[1], self.lens.faced_B[0]) +
                self.sway * np.sin(self.sway_rate * np.asarray(t) + self.sway_phase))
         front = np.stack([np.cos(yaw), np.sin(yaw), np.zeros_like(yaw)], axis=-1)
         y = unit(np.cross(z, front))
@@ -187,7 +192,7 @@ def judge(flight, lens, leds, seconds):
     if depth.min() < 0.1 or world[..., 2].min() < 0.02 or not lens.inside(uv, 8).all():
         return None
     to_lens = unit(lens.place - world)
-    if np.einsum("nli,ni->nl", to_lens, R[:, :, 0]).min() < 0.3:
+    if np.einsum("nli,nij,j->nl", to_lens, R, lens.faced_B).min() < 0.3:
         return None
     return float((closest_pair(uv) < CLOSE_PX).mean())
 
@@ -535,7 +540,7 @@ def led_spots(t, flight, lens, leds, gains, look, rig, exposure, readout):
                 share = look.pad_shine
             ray = eye - world[middle]
             distance = np.linalg.norm(ray)
-            cosine = float(ray @ R[middle][:, 0]) / distance
+            cosine = float(ray @ R[middle] @ lens.faced_B) / distance
             if cosine <= 0:
                 continue
             image = world * [1, 1, -1] if mirrored else world

@@ -564,17 +564,38 @@ TEST(Mission, AnAbortedLandingLeavesThePlatformFirst) {
   }
   EXPECT_TRUE(outline.clear(f.x().p_NB));
   EXPECT_LT(f.reference_jump_m, 1e-6);
-  // Not where the link, the autopilot or the eye forbids it.
-  for (const int what : {0, 1}) {
-    Flight g;
-    ASSERT_TRUE(g.reach(State::land));
-    ASSERT_TRUE(g.until_below(0.25));
-    if (what == 0) g.link_up = false;
-    if (what == 1) g.mode = AutopilotMode::failsafe;
-    g.run(0.3);
-    g.wish = OperatorWish::abort;
-    g.run(0.3);
-    EXPECT_GT(g.orders_land, 0) << what;
+  // Not where the autopilot has taken over.
+  Flight g;
+  ASSERT_TRUE(g.reach(State::land));
+  ASSERT_TRUE(g.until_below(0.25));
+  g.mode = AutopilotMode::failsafe;
+  g.run(0.3);
+  g.wish = OperatorWish::abort;
+  g.run(0.3);
+  EXPECT_GT(g.orders_land, 0);
+}
+
+// Unheard a drone may hear all the same; one that flies by itself may as well be told to.
+TEST(Mission, AbortedUnheardItIsLedAwayWhileItDoesAsItIsTold) {
+  const PlatformOutline outline(alan_rig());
+  for (const bool obeys : {true, false}) {
+    SCOPED_TRACE(obeys);
+    Flight f;
+    ASSERT_TRUE(f.reach(State::taken_off));
+    while (f.x().p_NB.z() < 0.2) f.step();
+    f.link_up = false;
+    f.wish = OperatorWish::abort;
+    if (!obeys) f.off_m_s = Vector3(0, 0.7, 0);
+    const Time begun = f.now();
+    while (f.orders_land == 0) {
+      f.step();
+      ASSERT_EQ(f.state(), State::aborted);
+      ASSERT_LT(to_seconds(f.now() - begun), 4.1);
+    }
+    EXPECT_EQ(outline.clear(f.x().p_NB), obeys);
+    if (!obeys) {
+      EXPECT_LT(to_seconds(f.now() - begun), 1);
+    }
   }
 }
 

@@ -657,6 +657,68 @@ TEST(Mission, ATakeOffGoesOnWhereOnlyTheComputerStoodStill) {
   }
 }
 
+// Its autopilot has let it sink, and a pad that drove on has left it behind: what it was
+// asked to do before would have it meet the pad's edge.
+TEST(Mission, ATakeOffGoesOnFromWhereTheDroneHasComeMeanwhile) {
+  for (const bool slept : {true, false}) {
+    SCOPED_TRACE(slept);
+    Flight f;
+    ASSERT_TRUE(f.reach(State::taken_off));
+    while (f.x().p_NB.z() < 0.25) f.step();
+    ASSERT_EQ(f.state(), State::taken_off);
+    if (slept) {
+      f.miss(1);
+      f.computer_was_late = true;
+    }
+    f.mode = AutopilotMode::failsafe;
+    const auto come_to = [&] {
+      f.x().p_NB = Vector3(-0.32, 0.15, 0.17);
+      f.x().v_NB = Vector3(-0.5, 0.25, -0.4);
+    };
+    for (int i = 0; i < 3; ++i) {
+      come_to();
+      f.step();
+    }
+    ASSERT_EQ(f.state(), State::taken_off);
+    const FlatState begins = f.mission().reference(f.now());
+    EXPECT_LT((begins.p_NB - Vector3(-0.32, 0.15, 0.17)).norm(), 0.03);
+    EXPECT_LT((begins.v_NB - Vector3(-0.5, 0.25, -0.4)).norm(), 0.2);
+    f.mode = AutopilotMode::offboard;
+    f.computer_was_late = false;
+    double lowest = 1;
+    while (f.state() == State::taken_off) {
+      f.step();
+      const FlatState& goal = f.mission().reference(f.now());
+      lowest = std::min(lowest, goal.p_NB.z());
+      if (goal.p_NB.z() < 0.25) {
+        EXPECT_LT(goal.p_NB.x(), -0.3);
+      }
+      EXPECT_LT(goal.v_NB.norm(), 1);
+    }
+    EXPECT_GT(lowest, 0.09) << "its feet are 6 cm lower";
+    EXPECT_EQ(f.state(), State::follow);
+    EXPECT_LT(f.reference_jump_m, 0.6);
+  }
+}
+
+// Over the pad it goes up as it would have gone.
+TEST(Mission, OverThePadATakeOffGoesOnToWhereItLed) {
+  Flight f;
+  ASSERT_TRUE(f.reach(State::taken_off));
+  while (f.x().p_NB.z() < 0.25) f.step();
+  f.miss(1);
+  f.computer_was_late = true;
+  f.x().p_NB = Vector3(0, 0.05, 0.2);
+  f.x().v_NB = Vector3(0, 0, -0.3);
+  f.step();
+  f.x().p_NB = Vector3(0, 0.05, 0.2);
+  f.x().v_NB = Vector3(0, 0, -0.3);
+  f.step();
+  const FlatState goal = f.mission().reference(f.now() + 10'000'000'000);
+  EXPECT_NEAR(goal.p_NB.x(), -MissionConfig{}.take_off_back_m, 1e-6);
+  EXPECT_NEAR(goal.p_NB.y(), 0, 1e-6);
+}
+
 // It had just lifted. Where its autopilot has brought it down meanwhile, its thrust is
 // to grow again: what the ground carries seems to need none.
 TEST(Mission, WhatStandsAgainAfterTheComputerStoodStillIsLiftedAnew) {

@@ -365,6 +365,23 @@ TEST(LandingFaults, AnEstimatorThatBeginsAnewUnseenIsNoticed) {
   }
 }
 
+// What the autopilot did meanwhile was taken for the leaning of another drone.
+TEST(LandingFaults, AComputerThatStallsAsItLiftsKnowsItsDroneAgain) {
+  const struct {
+    double at_s;
+    unsigned seed;
+  } cases[] = {{1.9, 104}, {1.9, 108}, {2.1, 102}, {2.1, 104}, {2.1, 105}};
+  for (const auto& [at_s, seed] : cases) {
+    SCOPED_TRACE(seed);
+    LandingRunOptions options = test::options_of("circle", seed);
+    options.scenario.faults = {
+        {.kind = FaultKind::computer_stall, .at_s = at_s, .for_s = 1}};
+    const auto result = run_landing(options);
+    ASSERT_TRUE(result);
+    EXPECT_EQ(result->outcome, Outcome::landed) << result->reason;
+  }
+}
+
 TEST(LandingFaults, TheOperatorsAbortEndsOffThePad) {
   const Story s = story({.kind = FaultKind::operator_abort, .at_s = 5}, 5);
   EXPECT_EQ(s.result.outcome, Outcome::aborted);

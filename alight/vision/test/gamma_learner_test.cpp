@@ -123,9 +123,39 @@ TEST(GammaLearner, IsNotMisledByBrightLightsThatAreBent) {
   }
 }
 
+// A drone may be far off before it is seen well again: what is likelier is said at once.
+TEST(GammaLearner, SaysAfterFewLooksWhatIsLikelier) {
+  constexpr int kCameras = 40;
+  int said = 0, wrong = 0;
+  for (std::uint64_t seed = 1; seed <= kCameras; ++seed) {
+    if (const auto found = learn({.gamma = 2.2}, 4, 400 + seed, 3).learner.gamma()) {
+      said += std::abs(std::log(*found / 2.2)) < 0.25;
+    }
+    const auto of_light = learn({}, 4, 500 + seed, 3).learner.gamma();
+    wrong += of_light && *of_light != 1;
+  }
+  EXPECT_GE(said, 0.8 * kCameras);
+  EXPECT_LE(wrong, 0.05 * kCameras);
+}
+
+// Most cameras that store no light store it alike.
+TEST(GammaLearner, KnowsTheUsualPowerBetterThanOthers) {
+  const auto error = [](double gamma) {
+    double sum = 0;
+    for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+      const auto found = learn({.gamma = gamma}, 12, 600 + seed, 3).learner.gamma();
+      EXPECT_TRUE(found);
+      const double off = found ? std::log(*found / gamma) : 1;
+      sum += off * off / 10;
+    }
+    return std::sqrt(sum);
+  };
+  EXPECT_LT(error(2.2), 0.07);
+  EXPECT_LT(error(1.6), 0.25);
+}
+
 TEST(GammaLearner, SaysNothingFromLittle) {
   EXPECT_FALSE(GammaLearner().gamma());
-  EXPECT_FALSE(learn({.gamma = 2.2}, 2, 1).learner.gamma());
   // Lights that are hardly there,
   EXPECT_FALSE(learn({.gamma = 2.2, .noise_sd = 0.1}, 40, 1, 2, 3).learner.gamma());
   // and one that stands alone.
