@@ -24,6 +24,19 @@ Row6 quintic(double p, double v, double a, double to, double T) {
   return c;
 }
 
+/// Of t, and their derivatives.
+Eigen::Matrix<double, 6, 4> powers(double t) {
+  const double t2 = t * t, t3 = t2 * t, t4 = t3 * t, t5 = t4 * t;
+  Eigen::Matrix<double, 6, 4> basis;
+  basis << 1, 0, 0, 0,              //
+      t, 1, 0, 0,                   //
+      t2, 2 * t, 2, 0,              //
+      t3, 3 * t2, 6 * t, 6,         //
+      t4, 4 * t3, 12 * t2, 24 * t,  //
+      t5, 5 * t4, 20 * t3, 60 * t2;
+  return basis;
+}
+
 }  // namespace
 
 PointToPoint::PointToPoint(Time start, const FlatState& from, const Vector3& to_p_NB,
@@ -33,7 +46,7 @@ PointToPoint::PointToPoint(Time start, const FlatState& from, const Vector3& to_
   to_yaw_ = from.yaw + turn;
 
   const auto prepare = [&](Seconds T) {
-    duration_ = T;
+    duration_ = rise_ = T;
     for (int i = 0; i < 3; ++i) {
       c_.row(i) = quintic(from.p_NB[i], from.v_NB[i], from.a_NB[i], to_[i], T);
     }
@@ -65,26 +78,38 @@ PointToPoint::PointToPoint(Time start, const FlatState& from, const Vector3& to_
   for (int k = 0; k < 80; ++k, T *= 1.06) {
     prepare(T);
     const double now = excess();
-    if (now <= 1.001) return;
     if (now < least) {
       least = now;
       best = T;
     }
+    if (now <= 1.001) break;
   }
-  prepare(best);
+  if (best != duration_) prepare(best);
+  if (from.v_NB.z() < 0 && to_.z() > from.p_NB.z()) rise_sooner(limits);
+}
+
+void PointToPoint::rise_sooner(const MoveLimits& limits) {
+  constexpr int kSamples = 32;
+  for (Seconds T = duration_; T > 0.1; T *= 0.94) {
+    const Row6 z = quintic(from_.p_NB.z(), from_.v_NB.z(), from_.a_NB.z(), to_.z(), T);
+    double least = from_.p_NB.z(), hardest = 0;
+    for (int k = 0; k <= kSamples; ++k) {
+      const Eigen::Matrix<double, 6, 4> basis = powers(T * k / kSamples);
+      least = std::min(least, double(z * basis.col(0)));
+      hardest = std::max(hardest, std::abs(double(z * basis.col(2))));
+    }
+    if (hardest > std::max(limits.lift_m_s2, 1.1 * std::abs(from_.a_NB.z()))) return;
+    rise_ = T;
+    c_.row(2) = z;
+    if (from_.p_NB.z() - least <= limits.dip_m) return;
+  }
 }
 
 FlatState PointToPoint::evaluate(Seconds t) const {
   FlatState s;
-  const double t2 = t * t, t3 = t2 * t, t4 = t3 * t, t5 = t4 * t;
-  Eigen::Matrix<double, 6, 4> basis;
-  basis << 1, 0, 0, 0,              //
-      t, 1, 0, 0,                   //
-      t2, 2 * t, 2, 0,              //
-      t3, 3 * t2, 6 * t, 6,         //
-      t4, 4 * t3, 12 * t2, 24 * t,  //
-      t5, 5 * t4, 20 * t3, 60 * t2;
-  const Eigen::Matrix<double, 3, 4> r = c_ * basis;
+  const Eigen::Matrix<double, 6, 4> basis = powers(t);
+  Eigen::Matrix<double, 3, 4> r = c_ * basis;
+  if (t > rise_) r.row(2) << to_.z(), 0, 0, 0;
   s.p_NB = r.col(0);
   s.v_NB = r.col(1);
   s.a_NB = r.col(2);

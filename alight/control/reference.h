@@ -1,5 +1,6 @@
 #pragma once
 #include <Eigen/Core>
+#include <limits>
 
 #include "alight/base/time.h"
 #include "alight/geometry/flat_state.h"
@@ -11,11 +12,15 @@ struct MoveLimits {
   double speed_m_s = 1;
   double acceleration_m_s2 = 1.5;
   double yaw_rate_rad_s = 1;
+  /// How far a move upwards may go on down from a start that sinks. Where it would go
+  /// farther it rises sooner than it moves, as hard as this whatever else bounds it.
+  double dip_m = std::numeric_limits<double>::infinity();
+  double lift_m_s2 = 4;
 };
 
 /// Minimum-jerk move in N from a moving state to rest at a point: a quintic on each
 /// axis, heading by the shorter way round. Bounds hold along the whole move, except
-/// where the start itself violates them.
+/// where the start itself violates them or sinks too far.
 class PointToPoint {
  public:
   /// At rest at the origin for ever.
@@ -34,9 +39,11 @@ class PointToPoint {
 
  private:
   FlatState evaluate(Seconds t) const;
+  void rise_sooner(const MoveLimits& limits);
 
   Time start_ = 0;
   Seconds duration_ = 0;
+  Seconds rise_ = 0;  // duration of z
   FlatState from_;
   Vector3 to_ = Vector3::Zero();
   double to_yaw_ = 0;

@@ -23,7 +23,7 @@ constexpr Seconds kArmsYet = 0.5;
 // there on must be flyable from where it is. It brakes within the other.
 constexpr double kStrayed = 0.6;
 constexpr double kBrakeWithin = 0.15;
-constexpr double kRoomTaken = 0.5;  // of that below it: it lags behind what it is told
+constexpr double kRoomTaken = 0.5;   // of that below it: it lags behind what it is told
 constexpr double kHardestBrake = 4;  // m/s^2
 // A platform that is faster than the limit for so long, s, stays so.
 constexpr Seconds kTooFastFor = 0.5;
@@ -149,15 +149,21 @@ void Mission::move_to(const Vector3& p_NB, double speed, const MissionInput& in)
     move_from_here(p_NB, limits, in);
     return;
   }
+  limits.dip_m = room_below(from.p_NB);
   maneuver_ = Maneuver::move(PointToPoint(in.now, from, p_NB, 0, limits));
   has_next_ = false;
+}
+
+double Mission::room_below(const Vector3& p_NB) const {
+  const double above_pad = p_NB.z() - gear_height_;
+  return kRoomTaken * (above_pad > 0 ? above_pad : above_pad + above_floor_);
 }
 
 void Mission::move_from_here(const Vector3& p_NB, MoveLimits limits,
                              const MissionInput& in) {
   const FlatState from = as_it_flies(in.x);
-  const double room =
-      std::clamp(kRoomTaken * (from.p_NB.z() - gear_height_), 0.03, kBrakeWithin);
+  limits.dip_m = room_below(from.p_NB);
+  const double room = std::clamp(limits.dip_m, 0.03, kBrakeWithin);
   const double within = from.v_NB.z() < 0 ? room : kBrakeWithin;
   const double brake = std::min(in.x.v_NB.squaredNorm() / (2 * within), kHardestBrake);
   limits.acceleration_m_s2 = std::max(limits.acceleration_m_s2, brake);

@@ -67,6 +67,8 @@ class Mission {
   void move_to(const Vector3& p_NB, double speed, const MissionInput& in);
   /// From where and as it flies, braking within the room below it.
   void move_from_here(const Vector3& p_NB, MoveLimits limits, const MissionInput& in);
+  /// How far it may sink there before it rises, m.
+  double room_below(const Vector3& p_NB) const;
   /// Where a take-off leads, and how fast.
   Vector3 above_pad() const;
   MoveLimits climb() const;

@@ -15,7 +15,7 @@ constexpr double kSdLeast_px = 0.7, kSdMost_px = 2.5;
 constexpr double kWidth[] = {0.55, 0.85, 1.25, 1.9, 2.9};  // sd
 constexpr double kShare[] = {0.2, 0.3, 0.4, 0.1, 0.02};    // to begin with
 constexpr int kBrightest = 200;  // grey levels; cameras bend what is brighter
-constexpr double kShot = 0.06;  // variance per grey level of light
+constexpr double kShot = 0.06;   // variance per grey level of light
 constexpr double kMismatch = 0.005, kRounding = 1.0 / 12;
 constexpr double kNoiseLeast = 0.5;
 constexpr double kLightLeast = 40;  // grey levels over the background

@@ -54,7 +54,8 @@ class GammaLearner {
   };
   int parameters() const { return 3 * lights_ + kWidths + 2; }
   void weigh(const PictureNoise& noise);
-  /// Logarithm of what looks say, 0 where a camera that stores light itself is likelier.
+  /// Logarithm of what looks say, 0 where a camera that stores light itself is
+  /// likelier.
   double exponent() const;
   Equations equations(const Vector& at) const;
   void finish();

@@ -2,6 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
+
 #include "alight/base/rng.h"
 #include "alight/geometry/so3.h"
 
@@ -124,6 +127,45 @@ TEST(PointToPoint, NowhereToGo) {
     EXPECT_LT(move.at(t).p_NB.norm(), 1e-12);
   }
   EXPECT_EQ(PointToPoint().at(123).p_NB, Vector3(0, 0, 0));
+}
+
+// Close above the pad a move that turns round in its own time would touch it first.
+TEST(PointToPoint, AStartThatSinksRisesInTimeForTheRoomBelow) {
+  Rng rng(11);
+  int sooner = 0;
+  for (int i = 0; i < 300; ++i) {
+    FlatState from;
+    from.v_NB = Vector3(rng.uniform(-1, 1), rng.uniform(-1, 1), rng.uniform(-0.6, 0));
+    from.a_NB.z() = rng.uniform(-0.5, 0.5);
+    const Vector3 to(rng.uniform(-2, 2), rng.uniform(-2, 2), rng.uniform(0.1, 1));
+    MoveLimits limits;
+    const PointToPoint usual(0, from, to, 0, limits);
+    limits.dip_m = rng.uniform(0.01, 0.2);
+    const PointToPoint move(0, from, to, 0, limits);
+    EXPECT_EQ(move.duration(), usual.duration());
+    double least = 0, usual_least = 0, hardest = 0;
+    FlatState last = move.at(0);
+    for (Time t = 0; t <= move.end(); t += 5'000'000) {
+      const FlatState now = move.at(t);
+      least = std::min(least, now.p_NB.z());
+      usual_least = std::min(usual_least, usual.at(t).p_NB.z());
+      hardest = std::max(hardest, std::abs(now.a_NB.z()));
+      EXPECT_LT((now.p_NB - last.p_NB).norm(), 0.03);
+      EXPECT_LT((now.v_NB - last.v_NB).norm(), 0.05);
+      EXPECT_EQ(now.p_NB.head<2>(), usual.at(t).p_NB.head<2>());
+      last = now;
+    }
+    EXPECT_LE(hardest, limits.lift_m_s2 + 1e-9);
+    EXPECT_NEAR((move.at(move.end()).p_NB - to).norm(), 0, 1e-6);
+    // What the room asks for, or all that the bound gives.
+    EXPECT_TRUE(least >= -limits.dip_m - 1e-3 || hardest > 0.85 * limits.lift_m_s2)
+        << least << " of " << limits.dip_m << ", " << hardest;
+    sooner += least > usual_least + 1e-6;
+    if (usual_least > -limits.dip_m) {
+      EXPECT_EQ(least, usual_least) << "there was room";
+    }
+  }
+  EXPECT_GT(sooner, 50);
 }
 
 }  // namespace

@@ -575,7 +575,8 @@ TEST(Mission, AnAbortedLandingLeavesThePlatformFirst) {
   EXPECT_GT(g.orders_land, 0);
 }
 
-// Unheard a drone may hear all the same; one that flies by itself may as well be told to.
+// Unheard a drone may hear all the same; one that flies by itself may as well be told
+// to.
 TEST(Mission, AbortedUnheardItIsLedAwayWhileItDoesAsItIsTold) {
   const PlatformOutline outline(alan_rig());
   for (const bool obeys : {true, false}) {

@@ -663,5 +663,27 @@ TEST(Mission, GoesAroundOnACertifiedWayAndFromWhereItIsUntilThat) {
   EXPECT_EQ(f.mission().status().attempts, 2);
 }
 
+// What comes down turns round within half the room that is left above the pad.
+TEST(Mission, ALandingThatIsBrokenOffLowRisesBeforeItMoves) {
+  for (const double from : {0.25, 0.2, 0.16}) {
+    SCOPED_TRACE(from);
+    Flight f;
+    ASSERT_TRUE(f.reach(State::land));
+    ASSERT_TRUE(f.until_below(from));
+    f.wish = OperatorWish::hold;
+    f.step();
+    ASSERT_EQ(f.state(), State::hold);
+    const FlatState begins = f.mission().reference(f.now());
+    ASSERT_LT(begins.v_NB.z(), -0.1);
+    const double room = begins.p_NB.z() - f.rig().drone.gear_height_m;
+    double lowest = begins.p_NB.z();
+    for (int i = 0; i < 200; ++i) {
+      f.step();
+      lowest = std::min(lowest, f.mission().reference(f.now()).p_NB.z());
+    }
+    EXPECT_GT(lowest, begins.p_NB.z() - 0.5 * room - 0.003);
+  }
+}
+
 }  // namespace
 }  // namespace alight

@@ -657,8 +657,8 @@ TEST(Mission, ATakeOffGoesOnWhereOnlyTheComputerStoodStill) {
   }
 }
 
-// Its autopilot has let it sink, and a pad that drove on has left it behind: what it was
-// asked to do before would have it meet the pad's edge.
+// Its autopilot has let it sink, and a pad that drove on has left it behind: what it
+// was asked to do before would have it meet the pad's edge.
 TEST(Mission, ATakeOffGoesOnFromWhereTheDroneHasComeMeanwhile) {
   for (const bool slept : {true, false}) {
     SCOPED_TRACE(slept);

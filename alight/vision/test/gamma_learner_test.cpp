@@ -123,7 +123,8 @@ TEST(GammaLearner, IsNotMisledByBrightLightsThatAreBent) {
   }
 }
 
-// A drone may be far off before it is seen well again: what is likelier is said at once.
+// A drone may be far off before it is seen well again: what is likelier is said at
+// once.
 TEST(GammaLearner, SaysAfterFewLooksWhatIsLikelier) {
   constexpr int kCameras = 40;
   int said = 0, wrong = 0;
