@@ -132,8 +132,12 @@ void Mission::go(MissionState to, const char* reason, const MissionInput& in,
 }
 
 void Mission::note(const char* reason, const MissionInput& in, Output& out) {
-  out.transitions.push_back({in.now, status_.state, status_.state, reason});
+  mention(reason, in, out);
   status_.reason = reason;
+}
+
+void Mission::mention(const char* what, const MissionInput& in, Output& out) {
+  out.transitions.push_back({in.now, status_.state, status_.state, what});
   told_ = in.now;
 }
 

@@ -86,6 +86,8 @@ class Mission {
   void take_way_back(const MissionInput& in);
   /// Something to be told that changes no state: an event all the same.
   void note(const char* reason, const MissionInput& in, Output& out);
+  /// Without it being the reason of the state.
+  void mention(const char* what, const MissionInput& in, Output& out);
   bool settled(const MissionInput& in);
   /// Seen to move as it is told: set-points arrive.
   bool obeys(const MissionInput& in) const;

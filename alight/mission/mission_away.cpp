@@ -328,11 +328,8 @@ void Mission::lost_link(const MissionInput& in, Command& c, Output& out) {
 bool Mission::stop_on_floor(const MissionInput& in, Command& c, Output& out) {
   if (!in.stands_on_floor) return false;
   if (!keep_ordering(AutopilotOrder::disarm, in, c)) return true;
-  if (!floor_told_) {
-    // Why it came down there stays the reason.
-    out.transitions.push_back({in.now, status_.state, status_.state,
-                               "stands on the floor: its motors are stopped"});
-  }
+  // Why it came down there stays the reason.
+  if (!floor_told_) mention("stands on the floor: its motors are stopped", in, out);
   floor_told_ = true;
   return true;
 }

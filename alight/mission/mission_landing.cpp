@@ -65,7 +65,12 @@ void Mission::follow(const MissionInput& in, Output& out) {
   }
   if (strayed(in)) {
     move_to(config_.follow_point, config_.move_speed_m_s, in);
-    note(kOffItsWay, in, out);
+    // Why it holds stays told.
+    if (status_.state == MissionState::hold) {
+      mention(kOffItsWay, in, out);
+    } else {
+      note(kOffItsWay, in, out);
+    }
   }
   if (status_.state == MissionState::go_around) take_way_back(in);
   const bool there = settled(in);

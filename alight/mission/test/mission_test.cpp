@@ -206,8 +206,12 @@ TEST(Mission, FarOffItsWayTheReferenceComesToTheDrone) {
     SCOPED_TRACE(to_string(state));
     Flight f;
     ASSERT_TRUE(bring(f, state));
+    const std::string before = f.reason();
     f.off = Vector3(-0.5, 0.3, 0.4);
     f.run(0.03);
+    if (state == State::hold) {
+      EXPECT_EQ(f.reason(), before) << "why it holds";
+    }
     EXPECT_LT((f.mission().reference(f.now()).p_NB - f.x().p_NB).norm(), 0.75);
     EXPECT_TRUE(std::any_of(f.transitions.begin(), f.transitions.end(), [](auto& t) {
       return std::string(t.reason) == "far off its way: it goes on from where it is";
