@@ -343,7 +343,8 @@ void LandingSystem::Parts::watch_lean(FrameReport& frame) {
   // Nor what it did while the computer stood still.
   const Time woke = sight.woke();
   const bool missed = woke > 0 && to_seconds(frame.t - woke) < kLeanAfterTurn;
-  if (!told || turns || missed) {
+  // Without odometry a deck leans unknown.
+  if (!told || turns || missed || platform.stale(frame.t)) {
     lean.pause();
     return;
   }

@@ -382,6 +382,22 @@ TEST(LandingFaults, AComputerThatStallsAsItLiftsKnowsItsDroneAgain) {
   }
 }
 
+// Without odometry nobody tells how the deck leans: it is not the drone that does.
+TEST(LandingFaults, OnADeckWithoutOdometryADroneIsHeldInSight) {
+  for (const unsigned seed : {53u, 54u}) {
+    SCOPED_TRACE(seed);
+    LandingRunOptions options = test::options_of("boat", seed);
+    options.timeout_s = 20;
+    options.scenario.faults = {
+        {.kind = FaultKind::odometry_out, .at_s = 4, .for_s = 1000}};
+    const auto result = run_landing(options);
+    ASSERT_TRUE(result);
+    EXPECT_EQ(result->outcome, Outcome::held) << result->reason;
+    EXPECT_EQ(result->reason, "no platform odometry comes");
+    EXPECT_GT(result->estimate.tracked_fraction, 0.99);
+  }
+}
+
 TEST(LandingFaults, TheOperatorsAbortEndsOffThePad) {
   const Story s = story({.kind = FaultKind::operator_abort, .at_s = 5}, 5);
   EXPECT_EQ(s.result.outcome, Outcome::aborted);
