@@ -297,13 +297,16 @@ bool Mission::learnt(const MissionInput& in) const {
 
 void Mission::lost_link(const MissionInput& in, Command& c, Output& out) {
   if (!in.link->healthy(in.now)) return;
+  const bool stood_still = std::strcmp(status_.reason, kStoodStill) == 0;
+  const bool failsafe = std::strcmp(status_.reason, kFailsafe) == 0;
+  // Set-points that come again end its failsafe, but where they have not for long.
+  const bool waits = in.mode == AutopilotMode::failsafe && !failsafe && in_sight(in) &&
+                     in.x.p_NB.z() > gear_height_ + config_.commit_height_m;
   const bool autopilot_acts =
-      in.mode == AutopilotMode::land || in.mode == AutopilotMode::failsafe;
+      in.mode == AutopilotMode::land || (in.mode == AutopilotMode::failsafe && !waits);
   if (in.telemetry_heard && !in.armed) {
     airborne_ = false;
     // Why it was alone stays told.
-    const bool stood_still = std::strcmp(status_.reason, kStoodStill) == 0;
-    const bool failsafe = std::strcmp(status_.reason, kFailsafe) == 0;
     go(MissionState::complete,
        stood_still ? "the computer stood still: the autopilot landed by itself"
        : failsafe  ? "set-points did not arrive: the autopilot landed by itself"
@@ -319,6 +322,7 @@ void Mission::lost_link(const MissionInput& in, Command& c, Output& out) {
     go(fresh ? MissionState::go_around : MissionState::lost_target,
        fresh ? "the link is back" : "the link is back, the LEDs are out of sight", in,
        out);
+    failsafe_ = false;  // It is given its time anew.
     c.mode = Command::Mode::track;
   } else if (!stop_on_floor(in, c, out) && touch_down_.was_set_down(in)) {
     keep_ordering(AutopilotOrder::disarm, in, c);

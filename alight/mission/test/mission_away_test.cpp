@@ -182,6 +182,38 @@ TEST(Mission, ALinkThatReturnsGoesAround) {
   EXPECT_TRUE(f.until(State::complete));
 }
 
+// It waits for set-points, and in sight it is taken back; not so near above the pad
+// that it may as well land, nor where set-points have come for long and changed
+// nothing.
+TEST(Mission, ALinkThatReturnsEndsTheFailsafe) {
+  for (const bool low : {false, true}) {
+    SCOPED_TRACE(low);
+    Flight f;
+    ASSERT_TRUE(bring(f, State::lost_link));
+    f.x().p_NB = Vector3(0, 0, f.rig().drone.gear_height_m + (low ? 0.05 : 0.4));
+    f.mode = AutopilotMode::failsafe;
+    f.link_up = true;
+    f.run(0.05);
+    EXPECT_EQ(f.state(), low ? State::lost_link : State::go_around);
+    if (low) continue;
+    EXPECT_EQ(f.c.mode, MissionCommand::Mode::track);
+    f.run(0.5);
+    EXPECT_EQ(f.state(), State::go_around);
+    f.mode = AutopilotMode::offboard;
+    EXPECT_TRUE(f.until(State::complete));
+  }
+  Flight deaf;
+  ASSERT_TRUE(bring(deaf, State::lost_link));
+  deaf.x().p_NB.z() = 0.5;
+  deaf.mode = AutopilotMode::failsafe;
+  deaf.link_up = true;
+  deaf.run(1.2);
+  EXPECT_EQ(deaf.state(), State::lost_link);
+  EXPECT_EQ(deaf.reason(), "the autopilot's failsafe has taken over");
+  deaf.run(5);
+  EXPECT_EQ(deaf.state(), State::lost_link);
+}
+
 TEST(Mission, ALinkThatReturnsToABlindDroneGivesUpInTime) {
   Flight f;
   ASSERT_TRUE(bring(f, State::lost_link));
