@@ -224,9 +224,11 @@ void Mission::taken_off(const MissionInput& in, Command& c, Output& out) {
       disarms_ = false;
       airborne_ = true;
     }
-    const char* reason = config_.start_on_floor
-                             ? "never came into sight: the autopilot lands"
-                             : "did not leave the ground";
+    const char* reason = !config_.start_on_floor ? "did not leave the ground"
+                         : in.link->lost(in.now) ? kUnheard
+                         : in.blindness == Blindness::leds
+                             ? "the LEDs never came into sight: the autopilot lands"
+                             : words_for(in.blindness).given_up;
     if (blind) reason = for_the_link_ ? kUnhealthy : words_for(in.blindness).lost;
     if (blind && !abort_wanted_ && starts_ < config_.starts_max) {
       go(MissionState::idle, reason, in, out);

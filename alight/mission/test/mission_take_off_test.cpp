@@ -558,16 +558,21 @@ TEST(Mission, FromTheFloorItClimbsNoFasterThanItIsToldTo) {
 TEST(Mission, FromTheFloorNeverInSightIsLandedByTheAutopilot) {
   MissionConfig config;
   config.start_on_floor = true;
-  Flight f(config);
-  f.sight = false;
-  f.wish = OperatorWish::go;
-  ASSERT_TRUE(f.until(State::taken_off));
-  // One that tells no climb may be fast by then.
-  ASSERT_TRUE(f.until(State::aborted, 2.2));
-  EXPECT_EQ(f.reason(), "never came into sight: the autopilot lands");
-  EXPECT_TRUE(f.mission().flying()) << "it may, unseen";
-  EXPECT_EQ(f.orders_disarm, 0);
-  EXPECT_GE(f.orders_land, 1);
+  for (const Blindness why : {Blindness::leds, Blindness::late}) {
+    Flight f(config);
+    f.sight = false;
+    f.blindness = why;
+    f.wish = OperatorWish::go;
+    ASSERT_TRUE(f.until(State::taken_off));
+    // One that tells no climb may be fast by then.
+    ASSERT_TRUE(f.until(State::aborted, 2.2));
+    EXPECT_EQ(f.reason(), why == Blindness::leds
+                              ? "the LEDs never came into sight: the autopilot lands"
+                              : "the pictures come too late: the autopilot lands");
+    EXPECT_TRUE(f.mission().flying()) << "it may, unseen";
+    EXPECT_EQ(f.orders_disarm, 0);
+    EXPECT_GE(f.orders_land, 1);
+  }
 }
 
 TEST(Mission, AFailsafeBeforeThrustCarriesItIsNoFlight) {
