@@ -35,13 +35,14 @@ constexpr double kLookSd =
     0.12;  // a look tells no better: lights differ from one another
 constexpr double kSaidSd = 0.12, kSettledSd = 0.04;
 constexpr int kLooksLeast = 5;  // that say it is light itself
+constexpr int kLooksOther = 2;  // that say it is not
 // The logarithm that cameras which store light itself seem to have, for no light is a
 // sum of these Gaussians, that of nearly all others, and of the rest: mean, sd, share.
 struct Kind {
   double mean, sd, share;
 };
-constexpr Kind kLight = {0.05, 0.08, 0.6}, kUsual = {0.788, 0.06, 0.25},
-               kOther = {0.5, 0.5, 0.15};
+constexpr Kind kLight = {0.05, 0.08, 0.55}, kUsual = {0.788, 0.06, 0.25},
+               kOther = {0.5, 0.5, 0.2};
 
 double squared(double x) { return x * x; }
 
@@ -238,7 +239,7 @@ void GammaLearner::finish() {
 }
 
 double GammaLearner::exponent() const {
-  if (looks_ == 0) return 0;
+  if (looks_ < kLooksOther) return 0;
   const double mean = sum_ / information_, variance = 1 / information_;
   const double light = likelihood(kLight, mean, variance);
   const double usual = likelihood(kUsual, mean, variance);
