@@ -151,8 +151,13 @@ void Mission::move_to(const Vector3& p_NB, double speed, const MissionInput& in)
   const FlatState from = maneuver_.at(in.now);
   if ((from.p_NB - in.x.p_NB).norm() > config_.go_around_error_m) {
     move_from_here(p_NB, limits, in);
-    return;
+  } else {
+    begin_move(from, p_NB, limits, in);
   }
+}
+
+void Mission::begin_move(const FlatState& from, const Vector3& p_NB, MoveLimits limits,
+                         const MissionInput& in) {
   limits.dip_m = room_below(from.p_NB);
   maneuver_ = Maneuver::move(PointToPoint(in.now, from, p_NB, 0, limits));
   has_next_ = false;
@@ -166,13 +171,11 @@ double Mission::room_below(const Vector3& p_NB) const {
 void Mission::move_from_here(const Vector3& p_NB, MoveLimits limits,
                              const MissionInput& in) {
   const FlatState from = as_it_flies(in.x);
-  limits.dip_m = room_below(from.p_NB);
-  const double room = std::clamp(limits.dip_m, 0.03, kBrakeWithin);
+  const double room = std::clamp(room_below(from.p_NB), 0.03, kBrakeWithin);
   const double within = from.v_NB.z() < 0 ? room : kBrakeWithin;
   const double brake = std::min(in.x.v_NB.squaredNorm() / (2 * within), kHardestBrake);
   limits.acceleration_m_s2 = std::max(limits.acceleration_m_s2, brake);
-  maneuver_ = Maneuver::move(PointToPoint(in.now, from, p_NB, 0, limits));
-  has_next_ = false;
+  begin_move(from, p_NB, limits, in);
 }
 
 bool Mission::settled(const MissionInput& in) {

@@ -65,6 +65,9 @@ class Mission {
   using Command = MissionCommand;
   void go(MissionState to, const char* reason, const MissionInput& in, Output& out);
   void move_to(const Vector3& p_NB, double speed, const MissionInput& in);
+  /// From there on, with what room is below it.
+  void begin_move(const FlatState& from, const Vector3& p_NB, MoveLimits limits,
+                  const MissionInput& in);
   /// From where and as it flies, braking within the room below it.
   void move_from_here(const Vector3& p_NB, MoveLimits limits, const MissionInput& in);
   /// How far it may sink there before it rises, m.

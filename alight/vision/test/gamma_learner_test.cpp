@@ -157,6 +157,9 @@ TEST(GammaLearner, KnowsTheUsualPowerBetterThanOthers) {
 
 TEST(GammaLearner, SaysNothingFromLittle) {
   EXPECT_FALSE(GammaLearner().gamma());
+  for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+    EXPECT_FALSE(learn({.gamma = 2.2}, 1, seed).learner.gamma()) << "a single look";
+  }
   // Lights that are hardly there,
   EXPECT_FALSE(learn({.gamma = 2.2, .noise_sd = 0.1}, 40, 1, 2, 3).learner.gamma());
   // and one that stands alone.
