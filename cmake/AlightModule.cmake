@@ -7,8 +7,10 @@ target_include_directories(alight_options INTERFACE
   $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}> $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>)
 # gcc 12 sees overlapping copies inside std::string that are not there (GCC bug 105651).
 set(ALIGHT_WARNINGS $<$<CXX_COMPILER_ID:GNU>:-Wno-restrict> -Wall -Wextra -Wshadow -Wconversion -Werror)
-# Same input, same bits: no contraction into fused operations, no fast-math.
-set(ALIGHT_FLAGS -ffp-contract=off)
+# Same input, same bits: no contraction into fused operations, no fast-math. Nobody reads
+# the flags that floating-point operations raise, nor errno: loops with a comparison in
+# them then become vector instructions, with the same results.
+set(ALIGHT_FLAGS -ffp-contract=off -fno-trapping-math -fno-math-errno)
 if(ALIGHT_SANITIZE)
   list(APPEND ALIGHT_FLAGS -fsanitize=${ALIGHT_SANITIZE} -fno-sanitize-recover=all
     -fno-omit-frame-pointer -D_GLIBCXX_ASSERTIONS)

@@ -1,30 +1,48 @@
 #pragma once
-#include <array>
 #include <cassert>
 #include <cstddef>
 #include <initializer_list>
+#include <memory>
+#include <type_traits>
 
 namespace alight {
 
 /// A list of at most `N` elements that never allocates. Full is an expected state:
-/// `push_back` then refuses and says so.
+/// `push_back` then refuses and says so. Room that is not taken is not copied, nor
+/// initialized but for numbers: most lists of the control loop are nearly empty.
 template <class T, std::size_t N>
 class FixedVector {
  public:
   using value_type = T;
 
-  FixedVector() = default;
-  FixedVector(std::initializer_list<T> items) {
+  FixedVector() {
+    // Compilers cannot follow how many numbers there are, and warn of reading others.
+    if constexpr (std::is_arithmetic_v<T>)
+      std::uninitialized_value_construct_n(items_, N);
+  }
+  FixedVector(std::initializer_list<T> items) : FixedVector() {
     for (const T& item : items) push_back(item);
   }
+  FixedVector(const FixedVector& other) : FixedVector() { append(other); }
+  FixedVector& operator=(const FixedVector& other) {
+    if (this != &other) {
+      clear();
+      append(other);
+    }
+    return *this;
+  }
+  ~FixedVector() requires std::is_trivially_destructible_v<T>
+  = default;
+  ~FixedVector() { clear(); }
 
   /// False, and unchanged, when full.
   bool push_back(const T& item) {
     if (size_ == N) return false;
-    items_[size_++] = item;
+    std::construct_at(items_ + size_, item);
+    ++size_;
     return true;
   }
-  void clear() { size_ = 0; }
+  void clear() { truncate(0); }
   /// As many of the items as there is room for. @pre none of them is its own.
   template <class It>
   void assign(It first, It last) {
@@ -34,12 +52,13 @@ class FixedVector {
   /// @pre count <= size().
   void truncate(std::size_t count) {
     assert(count <= size_);
+    std::destroy(items_ + count, items_ + size_);
     size_ = count;
   }
   void erase(std::size_t i) {
     assert(i < size_);
     for (std::size_t k = i + 1; k < size_; ++k) items_[k - 1] = items_[k];
-    --size_;
+    truncate(size_ - 1);
   }
 
   std::size_t size() const { return size_; }
@@ -58,15 +77,21 @@ class FixedVector {
   T& back() { return (*this)[size_ - 1]; }
   const T& back() const { return (*this)[size_ - 1]; }
   const T& front() const { return (*this)[0]; }
-  T* data() { return items_.data(); }
-  const T* data() const { return items_.data(); }
-  T* begin() { return items_.data(); }
-  T* end() { return items_.data() + size_; }
-  const T* begin() const { return items_.data(); }
-  const T* end() const { return items_.data() + size_; }
+  T* data() { return items_; }
+  const T* data() const { return items_; }
+  T* begin() { return items_; }
+  T* end() { return items_ + size_; }
+  const T* begin() const { return items_; }
+  const T* end() const { return items_ + size_; }
 
  private:
-  std::array<T, N> items_{};
+  void append(const FixedVector& other) {
+    for (const T& item : other) push_back(item);
+  }
+
+  union {
+    T items_[N];
+  };
   std::size_t size_ = 0;
 };
 

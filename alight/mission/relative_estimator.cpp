@@ -628,9 +628,8 @@ bool RelativeEstimator::accept(const LedFrame& given, std::size_t agreeing,
     return false;
   }
   const bool lost = unseen_for_long(leds.t);
-  std::optional<RelativeFilter> before;
   const bool vague = (lost || misses_ > 0) && leds.led_count() < config_.search_leds;
-  if (rms_max_px < kAnyFit || lost || vague) before = filter_;
+  if (rms_max_px < kAnyFit || lost || vague) before_update_ = filter_;
   LedInformation told;
   // Lights that are yet to be confirmed may be none of its LEDs: they teach nothing.
   const bool known = !missed(leds.t);
@@ -644,7 +643,7 @@ bool RelativeEstimator::accept(const LedFrame& given, std::size_t agreeing,
   if (report &&
       (report->reprojection_px > rms_max_px || (vague && report->moved > kMovedMost) ||
        (lost && !leans_as_known(filter_.state().R_NB)))) {
-    filter_ = *before;
+    filter_ = *before_update_;
     report = fail(Fault::ambiguous);
   }
   if (!report && agreeing > 0) return false;

@@ -365,8 +365,9 @@ class RelativeEstimator {
   bool fresh_ = false;        // just found, its speed is not known yet
   bool found_again_ = false;  // the same, after it was lost
   int taken_up_ = 0;  // pictures in a row with few LEDs seen again, not yet confirmed
-  // As it was before them, and when LEDs were last seen well.
-  std::optional<RelativeFilter> before_taken_up_, sound_;
+  // As it was before a picture that may be refused, before those few, and when LEDs
+  // were last seen well.
+  std::optional<RelativeFilter> before_update_, before_taken_up_, sound_;
   int contradictions_ = 0;  // pictures in a row
   int doubts_ = 0;          // pictures in a row with LEDs missing
   int confirmations_ = 0;   // of the answer that contradicts the prediction

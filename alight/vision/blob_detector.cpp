@@ -138,17 +138,21 @@ void BlobDetector::add_run(const ImageView& image, int v, int u0, int u1, int v_
   sums.u1 = std::max(sums.u1, u1);
   sums.v1 = std::max(sums.v1, v + 1);
   sums.area += u1 - u0;
+  std::int64_t w = 0, wu = 0, wuu = 0;
   for (int u = u0; u < u1; ++u) {
     const int grey = grey_at(image, v, u);
-    const std::int64_t w = grey - threshold_;
+    const std::int64_t here = grey - threshold_;
     sums.peak = std::max(sums.peak, grey);
-    sums.w += w;
-    sums.wu += w * u;
-    sums.wv += w * v;
-    sums.wuu += w * u * u;
-    sums.wuv += w * u * v;
-    sums.wvv += w * v * v;
+    w += here;
+    wu += here * u;
+    wuu += here * u * u;
   }
+  sums.w += w;
+  sums.wu += wu;
+  sums.wv += w * v;
+  sums.wuu += wuu;
+  sums.wuv += wu * v;
+  sums.wvv += w * v * v;
 }
 
 bool BlobDetector::takes(const ImageView& image, const DepthView& depth) const {

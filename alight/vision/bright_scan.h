@@ -1,8 +1,10 @@
 #pragma once
 #include <cstdint>
 #if defined(__SSE2__)
-#include <emmintrin.h>
+#include <immintrin.h>
 #endif
+
+#include "alight/vision/wide.h"
 
 namespace alight {
 
@@ -15,7 +17,8 @@ inline int first_bright_scalar(const std::uint8_t* bytes, int begin, int end,
 
 /// The same, 64 bytes at a time where the machine can: nearly all of a short exposure
 /// is dark, and to run over the dark is what detection costs.
-inline int first_bright(const std::uint8_t* bytes, int begin, int end, int threshold) {
+inline int first_bright_narrow(const std::uint8_t* bytes, int begin, int end,
+                               int threshold) {
 #if defined(__SSE2__)
   const __m128i tau = _mm_set1_epi8(static_cast<char>(threshold));
   const __m128i zero = _mm_setzero_si128();
@@ -36,6 +39,31 @@ inline int first_bright(const std::uint8_t* bytes, int begin, int end, int thres
   }
 #endif
   return first_bright_scalar(bytes, begin, end, threshold);
+}
+
+#if defined(ALIGHT_WIDE)
+/// The same, 128 bytes at a time. @pre is_wide()
+ALIGHT_WIDE inline int first_bright_wide(const std::uint8_t* bytes, int begin, int end,
+                                         int threshold) {
+  const __m256i tau = _mm256_set1_epi8(static_cast<char>(threshold));
+  for (; begin + 128 <= end; begin += 128) {
+    const auto* at = reinterpret_cast<const __m256i*>(bytes + begin);
+    const __m256i most = _mm256_max_epu8(
+        _mm256_max_epu8(_mm256_loadu_si256(at), _mm256_loadu_si256(at + 1)),
+        _mm256_max_epu8(_mm256_loadu_si256(at + 2), _mm256_loadu_si256(at + 3)));
+    const __m256i over = _mm256_subs_epu8(most, tau);
+    if (_mm256_testz_si256(over, over) == 0) break;
+  }
+  return first_bright_narrow(bytes, begin, end, threshold);
+}
+#endif
+
+/// The same, as many at a time as the machine can.
+inline int first_bright(const std::uint8_t* bytes, int begin, int end, int threshold) {
+#if defined(ALIGHT_WIDE)
+  if (is_wide()) return first_bright_wide(bytes, begin, end, threshold);
+#endif
+  return first_bright_narrow(bytes, begin, end, threshold);
 }
 
 }  // namespace alight

@@ -52,6 +52,12 @@ class GammaLearner {
     Vector g;
     double cost = 0, chi2 = 0;
   };
+  /// In lanes (vision/lanes.h), the last one filled up with pixels that weigh nothing.
+  struct Pixels {
+    int count = 0, padded = 0;
+    alignas(32) std::array<float, kPixelsMost> u, v, value, weight;
+  };
+  struct Model;
   int parameters() const { return 3 * lights_ + kWidths + 2; }
   void weigh(const PictureNoise& noise);
   /// Logarithm of what looks say, 0 where a camera that stores light itself is
@@ -60,11 +66,8 @@ class GammaLearner {
   Equations equations(const Vector& at) const;
   void finish();
 
-  struct Pixel {
-    double u, v, value, weight;
-  };
-  std::array<Pixel, kPixelsMost> pixels_;
-  int count_ = 0, lights_ = 0;
+  Pixels pixels_;
+  int lights_ = 0;
   std::array<double, kWidths> variance_{};
   Vector start_, prior_, at_;
   Equations now_;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
 #include <cstdlib>
 
 #include "alight/vision/pixel.h"
@@ -17,9 +18,11 @@ constexpr int kShift = 5;   // px by which the columns of a row lie off those ab
 constexpr double kSds = 5;  // from which on a pixel is more than noise
 // sd of a Gaussian over the median of how much two draws of it differ
 constexpr double kSdPerMedian = 1.4826 / 1.41421356;
-constexpr float kLuminanceStep = 0.25F;  // grey levels, to count differences by
+constexpr int kThousand = 1000;
+constexpr int kLuminanceStep = 250;  // thousandths of grey levels, to count by
 
-/// Of whole numbers, those above 255 taken for it. Counting takes less than sorting.
+/// Of whole numbers, those above 255 taken for it, 65,535 at most. Counting takes less
+/// than sorting.
 class CountedMedian {
  public:
   void add(int value) { ++counts_[static_cast<std::size_t>(std::min(value, 255))]; }
@@ -33,8 +36,13 @@ class CountedMedian {
   }
 
  private:
-  std::array<int, 256> counts_{};
+  std::array<std::uint16_t, 256> counts_{};
 };
+
+/// As luminance_of, in whole thousandths of a grey level.
+int thousand_luminances(const std::uint8_t* p, int channels) {
+  return channels == 1 ? kThousand * p[0] : 114 * p[0] + 587 * p[1] + 299 * p[2];
+}
 
 template <int kChannels, bool kMosaic = false>
 PictureNoise noise_of(const ImageView& picture) {
@@ -59,19 +67,18 @@ PictureNoise noise_of(const ImageView& picture) {
       grey.add(level);
       grey_steps.add(std::abs(level - grey_of(b, channels)));
       const auto light = [&](const std::uint8_t* p) {
-        if constexpr (kMosaic) return seen_at(p, picture.mosaic, u, v);
-        return luminance_of(p, channels);
+        if constexpr (kMosaic) return kThousand * p[channel_at(picture.mosaic, u, v)];
+        return thousand_luminances(p, channels);
       };
-      const float step = std::abs(light(a) - light(b));
-      luminance_steps.add(static_cast<int>(step / kLuminanceStep + 0.5F));
+      const int step = std::abs(light(a) - light(b));
+      luminance_steps.add((step + kLuminanceStep / 2) / kLuminanceStep);
     }
   }
   constexpr int n = kGrid * kGrid;
   PictureNoise noise;
   noise.dark = grey.of(n);
   noise.grey_sd = kSdPerMedian * grey_steps.of(n);
-  const double sd =
-      kSdPerMedian * static_cast<double>(kLuminanceStep) * luminance_steps.of(n);
+  const double sd = kSdPerMedian * kLuminanceStep / kThousand * luminance_steps.of(n);
   noise.luminance_variance = sd * sd;
   return noise;
 }

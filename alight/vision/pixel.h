@@ -13,11 +13,6 @@ inline int grey_of(const std::uint8_t* p, int channels) {
   return channels == 1 ? p[0] : std::max<int>(std::max<int>(p[0], p[1]), p[2]);
 }
 
-/// What the sensor has seen at the pixel `p` of (u, v), grey levels. @pre a mosaic
-inline float seen_at(const std::uint8_t* p, Mosaic mosaic, int u, int v) {
-  return p[channel_at(mosaic, u, v)];
-}
-
 /// Luminance of blue, green and red (ITU-R BT.601).
 template <class T>
 inline float luminance_of(const T* p) {

@@ -3,10 +3,10 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <array>
-#include <bit>
 #include <cmath>
 #include <numeric>
 
+#include "alight/vision/lanes.h"
 #include "alight/vision/pixel.h"
 #include "alight/vision/wide.h"
 
@@ -32,7 +32,6 @@ constexpr float kSkirtFrom = 2.3f;  // standard deviations, from any light
 constexpr float kCoreDoubt = 0.3f;  // share of the Gaussian that may be off out there
 constexpr double kSkirtInformationLeast = 1;
 
-constexpr int kLane = 8;         // pixels go through the machine in eights
 constexpr int kPixelsMax = 512;  // a multiple of kLane
 
 /// What of a pixel is fitted.
@@ -81,6 +80,28 @@ ALIGHT_INLINE void weigh(float noise, Pixels& out) {
   out.padded = static_cast<int>(count);
 }
 
+/// The columns of a row that lights reach.
+struct Reached {
+  int begin, end;
+};
+
+/// Those of every light that reaches row v, in order of where they begin.
+template <class Lights>
+FixedVector<Reached, kMaxGroup> reached(const Lights& sought, double reach2, int v) {
+  FixedVector<Reached, kMaxGroup> out;
+  for (const LightSought& light : sought) {
+    const double dv = v - light.uv.y(), half2 = reach2 - dv * dv;
+    if (half2 < 0) continue;
+    const double half = std::sqrt(half2);
+    out.push_back({static_cast<int>(std::ceil(light.uv.x() - half)),
+                   static_cast<int>(std::floor(light.uv.x() + half)) + 1});
+    for (std::size_t k = out.size() - 1; k > 0; --k) {
+      if (out[k].begin < out[k - 1].begin) std::swap(out[k], out[k - 1]);
+    }
+  }
+  return out;
+}
+
 template <Sees kSees>
 bool gather(const ImageView& image, std::span<const LightSought> sought, double reach,
             float noise, std::span<const ForeignLight> foreign, Pixels& out) {
@@ -94,32 +115,24 @@ bool gather(const ImageView& image, std::span<const LightSought> sought, double 
         high.y() < image.height - reach - 1)) {
     return false;
   }
-  const int u0 = static_cast<int>(std::floor(low.x() - reach));
   const int v0 = static_cast<int>(std::floor(low.y() - reach));
-  const int u1 = static_cast<int>(std::ceil(high.x() + reach)) + 1;
   const int v1 = static_cast<int>(std::ceil(high.y() + reach)) + 1;
-  const auto reach2 = static_cast<float>(reach * reach);
   const int channels = image.channels;
   std::size_t count = 0;
   for (int v = v0; v < v1; ++v) {
-    std::array<float, kMaxGroup> u_start, dv2;
-    for (std::size_t k = 0; k < sought.size(); ++k) {
-      const float dv = static_cast<float>(v) - static_cast<float>(sought[k].uv.y());
-      u_start[k] = static_cast<float>(sought[k].uv.x());
-      dv2[k] = dv * dv;
-    }
-    const std::uint8_t* p = image.row(v) + u0 * channels;
-    for (int u = u0; u < u1; ++u, p += channels) {
-      bool near = false;
-      for (std::size_t k = 0; k < sought.size(); ++k) {
-        const float du = static_cast<float>(u) - u_start[k];
-        near |= du * du + dv2[k] <= reach2;
+    int taken = 0;  // columns before it
+    for (const Reached& row : reached(sought, reach * reach, v)) {
+      const int begin = std::max(row.begin, taken);
+      if (begin >= row.end) continue;
+      taken = row.end;
+      if (count + static_cast<std::size_t>(row.end - begin) > kPixelsMax) return false;
+      const std::uint8_t* p = image.row(v) + begin * channels;
+      for (int u = begin; u < row.end; ++u, p += channels) {
+        take<kSees>(p, image, u, v, count, out);
+        bool own = true;
+        for (const ForeignLight& light : foreign) own = own && !light.covers(u, v);
+        count += own ? 1 : 0;
       }
-      for (const ForeignLight& light : foreign) near = near && !light.covers(u, v);
-      // Taken, and kept if it is near: a branch at each rim would cost more.
-      take<kSees>(p, image, u, v, count, out);
-      count += near ? 1 : 0;
-      if (count > kPixelsMax) return false;
     }
   }
   if (count <= 3 * sought.size() + 4) return false;
@@ -135,19 +148,6 @@ float full_share(const Pixels& pixels) {
       lane[k] += pixels.full[static_cast<std::size_t>(i + k)];
   }
   return std::accumulate(lane, lane + kLane, 0.0f) / static_cast<float>(pixels.count);
-}
-
-/// exp(x) for x <= 0, to 2e-5; a loop over it needs no library call.
-ALIGHT_INLINE float exp_of(float x) {
-  const float t = std::max(x * 1.44269504f, -100.f);
-  const int whole = static_cast<int>(t) - 1;  // t <= 0: below t
-  const float f = t - static_cast<float>(whole);
-  // 2^f on [0, 2]: the square of 2^(f/2) by its Taylor series.
-  const float h = 0.34657359f * f;
-  const float root =
-      1 +
-      h * (1 + h * (0.5f + h * (0.16666667f + h * (0.04166667f + h * 0.00833333f))));
-  return root * root * std::bit_cast<float>((whole + 127) << 23);
 }
 
 /// A Gaussian that moves by `blur` while it is seen, by its second moments.
@@ -230,16 +230,6 @@ ALIGHT_INLINE Profile profile(int first, double middle, double height,
     out.wide[k] = h * exp_of(-0.5f * narrower * out.d2[k]);
   }
   return out;
-}
-
-/// Sum of products over whole lanes, in an order that any machine can keep to.
-ALIGHT_INLINE float dot(const float* a, const float* b, int n) {
-  float lane[kLane] = {};
-  for (int i = 0; i < n; i += kLane) {
-    for (int k = 0; k < kLane; ++k) lane[k] += a[i + k] * b[i + k];
-  }
-  for (int k = 0; k < kLane / 2; ++k) lane[k] += lane[k + kLane / 2];
-  return (lane[0] + lane[1]) + (lane[2] + lane[3]);
 }
 
 /// What is looked for: lights, the background, and a factor on the point spread's

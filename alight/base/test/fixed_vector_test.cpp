@@ -55,5 +55,40 @@ TEST(FixedVector, CopiesAreApart) {
   EXPECT_EQ(a.size(), 2u);
 }
 
+/// Counts those of its kind that are alive.
+struct Counted {
+  Counted() { ++alive; }
+  Counted(const Counted&) { ++alive; }
+  Counted& operator=(const Counted&) = default;
+  ~Counted() { --alive; }
+  static inline int alive = 0;
+};
+
+TEST(FixedVector, HoldsNoMoreThanItSays) {
+  {
+    FixedVector<Counted, 8> v;
+    EXPECT_EQ(Counted::alive, 0);
+    for (int i = 0; i < 5; ++i) v.push_back(Counted());
+    EXPECT_EQ(Counted::alive, 5);
+    v.erase(1);
+    EXPECT_EQ(Counted::alive, 4);
+    v.truncate(3);
+    EXPECT_EQ(Counted::alive, 3);
+    FixedVector<Counted, 8> other = v;
+    EXPECT_EQ(Counted::alive, 6);
+    other.push_back(Counted());
+    v = other;
+    EXPECT_EQ(Counted::alive, 8);
+    v = FixedVector<Counted, 8>{Counted()};
+    EXPECT_EQ(Counted::alive, 5);
+    const FixedVector<Counted, 8>& self = v;
+    v = self;
+    EXPECT_EQ(v.size(), 1u);
+    v.clear();
+    EXPECT_EQ(Counted::alive, 4);
+  }
+  EXPECT_EQ(Counted::alive, 0);
+}
+
 }  // namespace
 }  // namespace alight

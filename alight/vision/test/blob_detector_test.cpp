@@ -26,8 +26,9 @@ TEST(BrightScan, AgreesWithTheScalarScan) {
     }
     const int begin = static_cast<int>(rng.uniform(0, 500));
     const int end = begin + static_cast<int>(rng.uniform(0, 501 - begin));
-    ASSERT_EQ(first_bright(bytes.data(), begin, end, threshold),
-              first_bright_scalar(bytes.data(), begin, end, threshold));
+    const int want = first_bright_scalar(bytes.data(), begin, end, threshold);
+    ASSERT_EQ(first_bright(bytes.data(), begin, end, threshold), want);
+    ASSERT_EQ(first_bright_narrow(bytes.data(), begin, end, threshold), want);
   }
 }
 
