@@ -184,6 +184,13 @@ ALIGHT_INLINE std::pair<std::size_t, double> LedFinder::Search::Around::nearest(
 
 void LedFinder::Search::search_triples(BlobSpan blobs, bool white_is_any,
                                        std::size_t first, std::size_t last) {
+  shapes.words() == 1 ? search_triples_in<1>(blobs, white_is_any, first, last)
+                      : search_triples_in<0>(blobs, white_is_any, first, last);
+}
+
+template <std::size_t kWords>
+void LedFinder::Search::search_triples_in(BlobSpan blobs, bool white_is_any,
+                                          std::size_t first, std::size_t last) {
   guesses.clear();
   guess_worst = 0;
   const auto px = [&](int j) { return pinhole[static_cast<std::size_t>(j)]; };
@@ -192,8 +199,9 @@ void LedFinder::Search::search_triples(BlobSpan blobs, bool white_is_any,
                    [static_cast<std::size_t>(blobs[static_cast<std::size_t>(j)].color)];
   };
   // What of each word of a set is asked for now.
-  const std::size_t words = shapes.words();
-  std::array<std::uint64_t, kWordsMost> asked{}, by_one{}, by_two{};
+  const std::size_t words = kWords > 0 ? kWords : shapes.words();
+  constexpr std::size_t kRoom = kWords > 0 ? kWords : kWordsMost;
+  std::array<std::uint64_t, kRoom> asked{}, by_one{}, by_two{};
   for (std::size_t t = first; t < last; ++t)
     asked[t / 64] |= std::uint64_t{1} << t % 64;
   // If the work runs out, it does so all over the picture.
@@ -204,10 +212,14 @@ void LedFinder::Search::search_triples(BlobSpan blobs, bool white_is_any,
     const std::size_t n = step * stride % count;
     look_around(blobs, n, white_is_any);
     const int i = around.blob[0];
-    for (std::size_t w = 0; w < words; ++w) by_one[w] = asked[w] & fits(0, i)[w];
+    std::uint64_t any = 0;
+    for (std::size_t w = 0; w < words; ++w) any |= by_one[w] = asked[w] & fits(0, i)[w];
+    if (any == 0) continue;
     for (std::size_t j = 1; j < around.count; ++j) {
       const TripleSet& second = fits(1, around.blob[j]);
-      for (std::size_t w = 0; w < words; ++w) by_two[w] = by_one[w] & second[w];
+      any = 0;
+      for (std::size_t w = 0; w < words; ++w) any |= by_two[w] = by_one[w] & second[w];
+      if (any == 0) continue;
       const ShapeTable::Side side = ShapeTable::side(px(i), px(around.blob[j]));
       for (std::size_t k = 1; k < around.count; ++k) {
         if (k == j) continue;

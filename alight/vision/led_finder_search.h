@@ -85,6 +85,10 @@ struct LedFinder::Search {
   /// By the triples from `first` up to `last`.
   void search_triples(BlobSpan blobs, bool white_is_any, std::size_t first,
                       std::size_t last);
+  /// The same; kWords of a set of triples, 0: as many as there are.
+  template <std::size_t kWords>
+  void search_triples_in(BlobSpan blobs, bool white_is_any, std::size_t first,
+                         std::size_t last);
   void look_around(BlobSpan blobs, std::size_t n, bool white_is_any);
   void guess(std::size_t triple, std::size_t j, std::size_t k);
   void guess_wide(std::size_t triple, std::size_t j, std::size_t k);
