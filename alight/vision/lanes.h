@@ -22,30 +22,20 @@ ALIGHT_INLINE float dot(const float* a, const float* b, int n) {
   return (lane[0] + lane[1]) + (lane[2] + lane[3]);
 }
 
-/// exp(x) for x <= 0, to 2e-5.
-ALIGHT_INLINE float exp_of(float x) {
-  const float t = std::max(x * 1.44269504f, -100.f);
-  const int whole = static_cast<int>(t) - 1;  // t <= 0: below t
-  const float f = t - static_cast<float>(whole);
-  // 2^f on [0, 2]: the square of 2^(f/2) by its Taylor series.
-  const float h = 0.34657359f * f;
+/// 2^t, to 8e-6; t is cut to [-100, 100].
+ALIGHT_INLINE float exp2_of(float t) {
+  const float x = std::min(std::max(t, -100.f), 100.f);
+  const int whole = static_cast<int>(x + 128.f) - 128;  // the greatest below x
+  // 2^f on [0, 1]: the square of 2^(f/2) by its Taylor series.
+  const float h = 0.34657359f * (x - static_cast<float>(whole));
   const float root =
       1 +
       h * (1 + h * (0.5f + h * (0.16666667f + h * (0.04166667f + h * 0.00833333f))));
   return root * root * std::bit_cast<float>((whole + 127) << 23);
 }
 
-/// 2^t, to 1e-6; t is cut to [-100, 100].
-ALIGHT_INLINE float exp2_of(float t) {
-  const float x = std::min(std::max(t, -100.f), 100.f);
-  const int whole = static_cast<int>(x + 128.f) - 128;  // the greatest below x
-  const float f = x - static_cast<float>(whole);
-  const float h = 0.34657359f * f;
-  const float root =
-      1 +
-      h * (1 + h * (0.5f + h * (0.16666667f + h * (0.04166667f + h * 0.00833333f))));
-  return root * root * std::bit_cast<float>((whole + 127) << 23);
-}
+/// exp(x), to 1e-5; x is cut as that of exp2_of.
+ALIGHT_INLINE float exp_of(float x) { return exp2_of(1.44269504f * x); }
 
 /// Logarithm to base 2 of a normal x > 0, to 3e-7 beyond its own rounding.
 ALIGHT_INLINE float log2_of(float x) {

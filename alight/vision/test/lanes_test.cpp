@@ -11,9 +11,9 @@ namespace alight {
 namespace {
 
 TEST(Lanes, ExpAgreesWithTheLibrary) {
-  for (float x = 0; x > -60; x -= 0.0137f) {
+  for (float x = 60; x > -60; x -= 0.0137f) {
     const double want = std::exp(static_cast<double>(x));
-    ASSERT_NEAR(static_cast<double>(exp_of(x)) / want, 1, 2e-5) << x;
+    ASSERT_NEAR(static_cast<double>(exp_of(x)) / want, 1, 1.2e-5) << x;
   }
   EXPECT_LT(exp_of(-1e30f), 1e-29f);
 }
