@@ -18,15 +18,34 @@ Vector3 PadMirror::point_on_pad(const Vector3& ray_N) const {
   return lens - lens.z() / ray_N.z() * ray_N;
 }
 
+Vector3 PadMirror::nearest_on_pad(const Vector3& q) const {
+  // A mount that is off by little moves what is seen flatly by a long way, but towards
+  // the lens or away from it: there is where to look, as far as the pad reaches.
+  const Vector3& lens = camera_.X_NC.translation();
+  double begin = 0, end = 1;
+  for (int k = 0; k < 2; ++k) {
+    const double way = q[k] - lens[k];
+    if (way == 0) {
+      if (std::abs(lens[k]) > half_) end = -1;
+      continue;
+    }
+    const double a = (-half_ - lens[k]) / way, b = (half_ - lens[k]) / way;
+    begin = std::max(begin, std::min(a, b));
+    end = std::min(end, std::max(a, b));
+  }
+  if (begin <= end) {
+    return {lens.x() + end * (q.x() - lens.x()), lens.y() + end * (q.y() - lens.y()),
+            0};
+  }
+  return {std::clamp(q.x(), -half_, half_), std::clamp(q.y(), -half_, half_), 0};
+}
+
 bool PadMirror::shows(const Vector2& uv) const {
   const Vector3 ray = camera_.X_NC.linear() * camera_.intrinsics.unproject(uv);
   if (half_ <= 0 || ray.z() >= -1e-6 || camera_.X_NC.translation().z() <= 0) {
     return false;
   }
-  const Vector3 q = point_on_pad(ray);
-  const Vector3 on_pad(std::clamp(q.x(), -half_, half_),
-                       std::clamp(q.y(), -half_, half_), 0);
-  const Vector3 way = on_pad - camera_.X_NC.translation();
+  const Vector3 way = nearest_on_pad(point_on_pad(ray)) - camera_.X_NC.translation();
   return way.dot(ray) >= std::cos(kTurn) * way.norm() * ray.norm();
 }
 

@@ -19,6 +19,8 @@ class PadMirror {
   bool may_mirror(const Vector2& light_uv, const Vector2& uv) const;
 
  private:
+  /// The pad's point that is seen nearest to q, a point of its plane.
+  Vector3 nearest_on_pad(const Vector3& q) const;
   Vector3 point_on_pad(const Vector3& ray_N) const;
 
   Camera camera_;
