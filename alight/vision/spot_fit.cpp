@@ -86,8 +86,8 @@ struct Reached {
 };
 
 /// Those of every light that reaches row v, in order of where they begin.
-template <class Lights>
-FixedVector<Reached, kMaxGroup> reached(const Lights& sought, double reach2, int v) {
+FixedVector<Reached, kMaxGroup> reached(std::span<const LightSought> sought,
+                                        double reach2, int v) {
   FixedVector<Reached, kMaxGroup> out;
   for (const LightSought& light : sought) {
     const double dv = v - light.uv.y(), half2 = reach2 - dv * dv;
