@@ -4,7 +4,7 @@
 
 namespace alight {
 
-void evaluate_bezier(const std::array<Vector3, kControlPoints>& c, double u, Seconds T,
+void evaluate_bezier(const SegmentPoints& c, double u, Seconds T,
                      FlatState& out) {
   // De Casteljau: the last levels of the triangle hold the differences that the
   // hodograph needs.

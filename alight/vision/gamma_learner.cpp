@@ -155,7 +155,8 @@ struct GammaLearner::Model {
 
   ALIGHT_INLINE void compute(const Pixels& pixels, int lights, const Vector& at,
                              const std::array<double, kWidths>& variances) {
-    const int n = 3 * lights + kWidths + 2, back = 3 * lights, power = n - 1;
+    const auto n = static_cast<int>(at.size());
+    const int back = 3 * lights, power = n - 1;
     const int padded = pixels.padded;
     const auto a = static_cast<float>(std::exp(at[power]));
     const float gamma = 1 / a;

@@ -39,11 +39,6 @@ class CountedMedian {
   std::array<std::uint16_t, 256> counts_{};
 };
 
-/// As luminance_of, in whole thousandths of a grey level.
-int thousand_luminances(const std::uint8_t* p, int channels) {
-  return channels == 1 ? kThousand * p[0] : 114 * p[0] + 587 * p[1] + 299 * p[2];
-}
-
 template <int kChannels, bool kMosaic = false>
 PictureNoise noise_of(const ImageView& picture) {
   CountedMedian grey, grey_steps, luminance_steps;
@@ -68,7 +63,7 @@ PictureNoise noise_of(const ImageView& picture) {
       grey_steps.add(std::abs(level - grey_of(b, channels)));
       const auto light = [&](const std::uint8_t* p) {
         if constexpr (kMosaic) return kThousand * p[channel_at(picture.mosaic, u, v)];
-        return thousand_luminances(p, channels);
+        return thousand_luminance_of(p, channels);
       };
       const int step = std::abs(light(a) - light(b));
       luminance_steps.add((step + kLuminanceStep / 2) / kLuminanceStep);

@@ -223,9 +223,6 @@ class Flight {
   PlanResult answer(const PlanRequest& request) const {
     if (planner != nullptr) return planner->plan(request);
     PlanResult plan;
-    for (Trajectory* path : {&plan.trajectory, &plan.escape.trajectory}) {
-      for (auto& segment : path->c) segment.fill(Vector3::Zero());
-    }
     plan.id = request.id - plan_age;
     plan.start = request.start;
     if (!plans_feasible) {
