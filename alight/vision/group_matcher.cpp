@@ -29,34 +29,25 @@ double best_first(Pairs& pairs, double led_bonus, Assignment& out) {
     if (cost_a != cost_b) return cost_a < cost_b;
     return a.leds != b.leds ? a.leds < b.leds : a.blob < b.blob;
   });
-  std::uint16_t placed = 0, wanted = 0;
+  // LEDs and, by their order among those near, blobs.
+  unsigned placed = 0, wanted = 0;
+  std::uint64_t used = 0, met = 0;
   double cost = 0;
-  const auto used = [&](int blob) {
-    return std::find(out.blob.begin(), out.blob.end(), blob) != out.blob.end();
-  };
   for (const Pair& pair : pairs) {
-    wanted = static_cast<std::uint16_t>(wanted | pair.leds);
-    if ((pair.leds & placed) != 0 || used(pair.blob)) continue;
-    placed = static_cast<std::uint16_t>(placed | pair.leds);
+    wanted |= pair.leds;
+    met |= pair.near;
+    if ((pair.leds & placed) != 0 || (pair.near & used) != 0) continue;
+    placed |= pair.leds;
+    used |= pair.near;
     cost += pair.cost;
     ++out.blobs;
-    for (std::size_t i = 0; i < kMaxLeds; ++i) {
-      if (((pair.leds >> i) & 1) == 0) continue;
-      out.blob[i] = pair.blob;
-      ++out.leds;
+    out.leds += pair.count;
+    for (unsigned left = pair.leds; left != 0; left &= left - 1) {
+      out.blob[static_cast<std::size_t>(std::countr_zero(left))] = pair.blob;
     }
   }
-  cost += kUnmatched * std::popcount(static_cast<unsigned>(wanted & ~placed));
-  FixedVector<int, 64> left;
-  for (const Pair& pair : pairs) {
-    if (used(pair.blob) ||
-        std::find(left.begin(), left.end(), pair.blob) != left.end()) {
-      continue;
-    }
-    left.push_back(pair.blob);
-    cost += kUnmatched;
-  }
-  return cost;
+  return cost +
+         kUnmatched * (std::popcount(wanted & ~placed) + std::popcount(met & ~used));
 }
 
 }  // namespace
@@ -130,7 +121,8 @@ Assignment match_groups(const LedImages& images, const Constellation& leds,
   };
   led_groups(images, leds, merge_of(widest), groups);
   const double reach2 = rule.tolerance_px * rule.tolerance_px;
-  for (const int j : near) {
+  for (std::size_t k = 0; k < near.size(); ++k) {
+    const int j = near[k];
     const Blob& blob = blobs[static_cast<std::size_t>(j)];
     const double merge = merge_of(width_of(blob));
     const Vector2 stretch = stretch_of(blob.spread);
@@ -153,7 +145,8 @@ Assignment match_groups(const LedImages& images, const Constellation& leds,
       if (q2 > rule.stretch_gate_sd * rule.stretch_gate_sd) continue;
       double cost = 9 * d2 / reach2 + q2;
       if ((group.leds & washed) != 0) cost += 4;
-      if (!pairs.push_back({cost, group.count, group.leds, j})) break;
+      const std::uint64_t bit = std::uint64_t{1} << k;
+      if (!pairs.push_back({cost, group.count, group.leds, j, bit})) break;
     }
   }
   const bool any_group = std::any_of(pairs.begin(), pairs.end(),

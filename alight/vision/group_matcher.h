@@ -38,10 +38,11 @@ struct GroupScratch {
     int count;
     std::uint16_t leds;
     int blob;
+    std::uint64_t near;  // the blob's bit
   };
   LedGroups groups;
   FixedVector<Pair, 256> pairs;
-  FixedVector<int, 64> near;
+  FixedVector<int, 64> near;  // one for each bit
 };
 
 /// Like match_leds, but place and stretch of a blob are held against each group of LEDs

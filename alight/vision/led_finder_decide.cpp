@@ -362,7 +362,6 @@ void LedFinder::Search::leave_open(BlobSpan blobs, const Settled& best) {
 
 Result<FoundLeds> LedFinder::Search::decide(BlobSpan blobs, bool white_is_any, Time t) {
   settled.clear();
-  rough.clear();
   most_blobs = 0;
   find_twins(blobs);
   const Settled* best = nullptr;
@@ -371,17 +370,6 @@ Result<FoundLeds> LedFinder::Search::decide(BlobSpan blobs, bool white_is_any, T
   for (const Candidate& candidate : kept) {
     Settled s;
     s.candidate = candidate;
-    const LedImages at = led_images(camera, leds, candidate.X_NB);
-    const GroupRule rule{2 + 0.05 * at.size_px, 1,           5, config.merge_px,
-                         config.use_color,      white_is_any};
-    s.candidate.assignment = match_groups(at, leds, blobs, usable, rule, scratch);
-    if (s.candidate.assignment.blobs < 4) continue;
-    const auto same = [&](const Candidate& other) {
-      return other.assignment == s.candidate.assignment &&
-             !rivals(other.X_NB, s.candidate.X_NB);
-    };
-    if (std::any_of(rough.begin(), rough.end(), same)) continue;
-    rough.push_back(s.candidate);
     const double so_far = best == nullptr ? 0 : best->candidate.score;
     if (!settle(blobs, white_is_any, so_far, s) ||
         s.candidate.score > so_far + 4 * config.runner_up_margin) {

@@ -26,11 +26,6 @@ LedImages led_images(const Camera& camera, const Constellation& leds,
   return out;
 }
 
-bool colors_agree(LedColor seen, LedColor led, bool white_is_any) {
-  return seen == led || seen == LedColor::none || led == LedColor::none ||
-         (white_is_any && seen == LedColor::white);
-}
-
 namespace {
 
 /// Whether the blob that shows LED k shows LED i as well.

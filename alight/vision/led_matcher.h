@@ -42,7 +42,10 @@ struct MatchRule {
 inline constexpr double kLargestImage = 4;
 
 /// Whether a blob of color `seen` may show an LED of color `led`.
-bool colors_agree(LedColor seen, LedColor led, bool white_is_any);
+inline bool colors_agree(LedColor seen, LedColor led, bool white_is_any) {
+  return seen == led || seen == LedColor::none || led == LedColor::none ||
+         (white_is_any && seen == LedColor::white);
+}
 
 /// One blob to one LED, nearest pairs first; then LEDs left over join a blob in reach
 /// that already shows their neighbour, where its place and shape speak for both.

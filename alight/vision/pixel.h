@@ -30,9 +30,9 @@ inline float luminance_of(const std::uint8_t* p, int channels) {
 
 /// The same in whole thousandths.
 inline int thousand_luminance_of(const std::uint8_t* p, int channels) {
-  return channels == 1 ? 1000 * p[0]
-                       : kLuminance[0] * p[0] + kLuminance[1] * p[1] +
-                             kLuminance[2] * p[2];
+  return channels == 1
+             ? 1000 * p[0]
+             : kLuminance[0] * p[0] + kLuminance[1] * p[1] + kLuminance[2] * p[2];
 }
 
 }  // namespace alight
