@@ -22,12 +22,12 @@ PlatformOutline::PlatformOutline(const Rig& rig)
   distance_ = std::sqrt(0.5) * rig.pad.size_m + rig.drone.size_m + kBraking;
 }
 
-bool PlatformOutline::clear(const Vector3& p_NB) const {
+double PlatformOutline::off(const Vector3& p_NB) const {
   const Vector2 p = p_NB.head<2>();
   const double length2 = lens_N_.squaredNorm();
   const double along =
       length2 > 0 ? std::clamp(p.dot(lens_N_) / length2, 0.0, 1.0) : 0.0;
-  return (p - along * lens_N_).norm() > distance_;
+  return (p - along * lens_N_).norm();
 }
 
 Result<void> Safety::validate(const Rig& rig) const {

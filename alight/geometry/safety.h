@@ -41,8 +41,10 @@ class PlatformOutline {
  public:
   explicit PlatformOutline(const Rig& rig);
 
+  /// Level, from the drone's origin to the platform's middle line, m.
+  double off(const Vector3& p_NB) const;
   /// Level, the drone is clear of it: it has room to brake and come down beside it.
-  bool clear(const Vector3& p_NB) const;
+  bool clear(const Vector3& p_NB) const { return off(p_NB) > distance_; }
 
  private:
   Vector2 lens_N_;   // from above; the platform reaches from the origin to it

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 #include "alight/control/motion_setpoint.h"
@@ -25,6 +26,8 @@ constexpr int kHeadingJumpSeen = 3;
 constexpr Seconds kHeadingApart = 0.1;  // told so far apart, it may have turned by then
 constexpr double kLeastUpright = 0.5;  // cosine of the tilt at which thrust still lifts
 constexpr Seconds kLatestTold = 10;    // a picture still later is no word on the camera
+constexpr Seconds kPosesApart =
+    0.015;  // that the autopilot is told; it wants 30 to 50 a second
 constexpr Seconds kTouchUnsure = 0.15;
 constexpr double kSquareUpMost = 6 * kDegree;  // more would throw it to the side
 // Of the way back to how it stands, as long as its feet touch: they hold it, in part.
@@ -135,8 +138,9 @@ struct LandingSystem::Parts {
   std::size_t unanswered_next = 0, unanswered_count = 0;
   Time told_alone = 0;  // when it was still so, by telemetry
   bool heading_known = false;
-  int heading_off = 0;      // telemetry in a row that contradicts it
-  Time heading_begun = 0;   // when it began anew
+  int heading_off = 0;     // telemetry in a row that contradicts it
+  Time heading_begun = 0;  // when it began anew
+  Time last_pose = std::numeric_limits<Time>::min() / 2;  // told to the autopilot
   Time first_pose = 0;      // that could have been told to the autopilot,
   bool poses_told = false;  // which it was, or a later one
   Time reckoned = 0;        // when its velocity was told last, unseen
@@ -443,6 +447,8 @@ void LandingSystem::Parts::take(const Event& event, Time now, Output& out,
 }
 
 void LandingSystem::Parts::external_pose(const FrameReport& frame, Output& out) {
+  // A radio has a queue, and 120 poses a second fill it before set-points.
+  if (to_seconds(frame.t - last_pose) < kPosesApart) return;
   const double velocity_sd = largest_sd(frame.cov.bottomRightCorner<3, 3>());
   if (!platform.ready() || velocity_sd > config.external_velocity_sd_max_m_s) return;
   const PlatformState at = platform.at(frame.t);
@@ -462,6 +468,7 @@ void LandingSystem::Parts::external_pose(const FrameReport& frame, Output& out) 
   pose.cov.diagonal().tail<3>().array() += square(config.odometry_velocity_sd_m_s);
   pose.resets = platform.resets();
   if (first_pose == 0) first_pose = frame.t;
+  last_pose = frame.t;
   poses_told = poses_told || may_tell_first(pose);
   out.has_external_pose = poses_told;
 }

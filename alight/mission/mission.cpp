@@ -25,6 +25,8 @@ constexpr double kStrayed = 0.6;
 constexpr double kBrakeWithin = 0.15;
 constexpr double kRoomTaken = 0.5;   // of that below it: it lags behind what it is told
 constexpr double kHardestBrake = 4;  // m/s^2
+// Longer than that, s, the way to where the user wants it left is not waited for.
+constexpr Seconds kLongestWay = 30;
 // A platform that is faster than the limit for so long, s, stays so.
 constexpr Seconds kTooFastFor = 0.5;
 // So many sd of an expected miss may come to the one at which commit is refused: what
@@ -58,6 +60,9 @@ Mission::Mission(const MissionConfig& config, const Rig& rig)
       unseen_lifting_(1e-3 * rig.timing.frame_to_use_ms + 2.5 / rig.timing.rate_hz),
       tilt_max_(rig.drone.tilt_max_deg * kDegree),
       into_view_(rig, config_.search_point),
+      way_down_(rig),
+      leaves_where_told_(!config.safety.leave_at_m.isZero()),
+      leave_places_(way_down_.places(config_.safety.leave_at_m)),
       quiet_deck_(config, rig),
       touch_down_(config, rig) {}
 
@@ -121,7 +126,14 @@ void Mission::go(MissionState to, const char* reason, const MissionInput& in,
       move_to(search_goal_, config_.search_speed_m_s, in);
       break;
     case MissionState::aborted:
-      move_to(config_.safety.leave_at_m, config_.move_speed_m_s, in);
+      leave_place_ = config_.safety.leave_at_m;
+      leave_by_ = in.now + from_seconds(config_.leave_max_s);
+      if (leaves_where_told_) {
+        const double way = (leave_place_ - in.x.p_NB).norm();
+        leave_by_ += from_seconds(std::min(way / config_.move_speed_m_s, kLongestWay));
+      }
+      chose_place_ = 0;
+      move_to(leave_place_, config_.move_speed_m_s, in);
       break;
     case MissionState::rendezvous:
       move_to(config_.rendezvous_point, config_.move_speed_m_s, in);

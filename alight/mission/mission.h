@@ -7,6 +7,7 @@
 #include "alight/mission/mission_input.h"
 #include "alight/mission/quiet_deck.h"
 #include "alight/mission/touch_down.h"
+#include "alight/mission/way_down.h"
 
 namespace alight {
 
@@ -130,6 +131,8 @@ class Mission {
   bool still_stands(const MissionInput& in) const;
   bool misses_pictures(const MissionInput& in) const;
   bool lost_as_it_lifts(const MissionInput& in) const;
+  /// The computer stood still during this ramp, and no picture has shown it since.
+  bool slept_unseen(const MissionInput& in) const;
   void come_down(bool for_the_link, const MissionInput& in);
   void taken_over_on_ramp(double share, const MissionInput& in, Command& c,
                           Output& out);
@@ -141,10 +144,10 @@ class Mission {
   /// Aborted in sight and clear of the platform, which stays to see it to the floor.
   bool stays_beside(const MissionInput& in) const;
   bool seen_clear(const MissionInput& in) const;
+  /// Near the pad on its way to the floor, if the platform stays beside it.
   bool comes_near(const MissionInput& in) const;
-  /// How near the pad's middle, level, the drone comes on its way to the floor if the
-  /// platform stays beside it, m.
-  double nearest_beside(const MissionInput& in) const;
+  LeftDrone left_here(const MissionInput& in) const;
+  void choose_leave_place(const MissionInput& in);
   /// Has the motors stopped of a drone that its autopilot has landed beside the
   /// platform.
   /// @returns false: it does not stand there.
@@ -204,6 +207,9 @@ class Mission {
   Seconds unseen_lifting_;  // at take-off: two pictures are missing
   double tilt_max_;
   IntoView into_view_;
+  WayDown way_down_;
+  bool leaves_where_told_;  // by the user
+  WayDown::Places leave_places_;
   MissionStatus status_;
   Maneuver maneuver_;
   Maneuver next_;  // takes over at next_from_
@@ -241,8 +247,11 @@ class Mission {
   bool coming_down_ = false, for_the_link_ = false;
   Time coming_down_since_ = 0;
   BlindClimb blind_climb_;
-  double ramp_most_ = 0;            // that this start has asked for
-  bool left_ = false;               // aborted: the autopilot has been told to land
+  double ramp_most_ = 0;  // that this start has asked for
+  bool left_ = false;     // aborted: the autopilot has been told to land
+  Vector3 leave_place_ = Vector3::Zero();  // where it is to be,
+  Time leave_by_ = 0;                      // by then at the latest
+  Time chose_place_ = 0;
   bool floor_told_ = false;         // that it stands there
   bool for_want_of_sight_ = false;  // aborted: nothing else was wrong
   bool waits_for_it_ = false;       // the platform, for a drone that lands by itself

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <limits>
 
 #include "alight/mission/mission.h"
 #include "alight/mission/mission_common.h"
@@ -17,18 +18,15 @@ constexpr double kStopped = 0.15;
 constexpr Seconds kStopIn = 0.4;
 // The platform drives on for so long, s, away from a drone that lands by itself.
 constexpr Seconds kOutOfTheWay = 3;
-// How an autopilot that is left alone comes to rest over the ground (PX4:
-// MPC_XY_VEL_P_ACC of 1.8/s), s, and how it comes down: after so long, s, so fast, m/s:
-// at its landing speed, and what its estimate is off.
-constexpr Seconds kBrakes = 0.55;
+// So soon an autopilot that is left alone sinks, s, and so fast, m/s: at its landing
+// speed, and what its estimate is off.
 constexpr Seconds kSinksAfter = 0.2;
 constexpr double kSinks = 0.6;
 // m/s; slower than this share of what it drove as the landing began, it has stopped.
 constexpr double kDrives = 0.2, kStoppedShare = 0.3;
 // One that is seen to come down beside the platform is left behind a little.
 constexpr Seconds kBrakesBeside = 1;
-constexpr double kRoomBeside = 0.1;  // m, from the pad's corner to a rotor
-constexpr double kUnsure = 0.05;     // m, of where it comes down
+constexpr double kUnsure = 0.05;  // m, of where it comes down
 // m/s behind its reference along the platform's way, of a drone that is not heard: one
 // that falls behind so fast may be braking by itself. A platform that brakes for
 // nothing does less harm than one that drives on beneath it.
@@ -39,6 +37,10 @@ constexpr Seconds kAloneBefore = 1;
 // m/s^2, by which a platform's turn moves a place at rest to it more than the follow
 // point; a circle of 0.9 m/s, 1.5 m in radius, by 0.6 at 1.7 m from that.
 constexpr double kSweptMost = 1;
+// It is near enough to where it is to be left, m, level; and how often that is chosen
+// anew, s: the wind and the platform change.
+constexpr double kThere = 0.3;
+constexpr Seconds kChoosesEvery = 0.3;
 // Unseen for so long, s, the drone may be elsewhere than predicted.
 constexpr Seconds kStillKnown = 1;
 // What a tenth of thrust that is not known does to a prediction: 0.5 m in the second
@@ -64,10 +66,6 @@ constexpr double kSinksUnseen = 0.2, kFallsUnseen = 0.8, kSunkMost = 0.3;
 constexpr double kOffGround = 0.15;
 // A gust and its lift-off have it do something else for so long.
 constexpr Seconds kStillAsTold = 0.5;
-
-/// How long one that brakes with time constant `tau` would have gone on at its first
-/// speed to get as far as it has after `t`.
-Seconds braking(Seconds tau, Seconds t) { return tau * (1 - std::exp(-t / tau)); }
 
 }  // namespace
 
@@ -106,7 +104,7 @@ double Mission::platform_wish(const MissionInput& in) {
   if (alone && !alone_) {
     alone_since_ = in.now;
     alone_v_IN_N_ = in.platform.v_IN_N.head<2>();
-    brakes_in_ = light || would_meet(in) ? kBrakes
+    brakes_in_ = light || would_meet(in) ? WayDown::kBrakes
                  : stays_beside(in)      ? kBrakesBeside
                                          : 0;
   } else if (alone && brakes_in_ == kBrakesBeside && seen_clear(in) && comes_near(in)) {
@@ -137,7 +135,7 @@ bool Mission::falls_behind(const MissionInput& in) const {
 // The platform does what the drone cannot: it keeps the pad beneath it.
 double Mission::stays_beneath(const MissionInput& in) const {
   const double speed = alone_v_IN_N_.norm();
-  if (brakes_in_ != kBrakes || !in_sight(in) || speed < kDrives) return 1;
+  if (brakes_in_ != WayDown::kBrakes || !in_sight(in) || speed < kDrives) return 1;
   const Vector2 ahead_N = alone_v_IN_N_ / speed;
   const RelativeState& x = in.x;
   const Vector3 v_IB_N = inertial_velocity_N(in.platform, x.p_NB, x.v_NB);
@@ -174,29 +172,35 @@ bool Mission::seen_clear(const MissionInput& in) const {
 }
 
 bool Mission::comes_near(const MissionInput& in) const {
-  return nearest_beside(in) <= reach_ + kRoomBeside;
+  return way_down_.comes_near(left_here(in), in.platform, kBrakesBeside);
 }
 
-// Its autopilot brakes over the ground and then gives way to the wind, which it has to
-// learn first: towards the platform, if that stops in its lee.
-double Mission::nearest_beside(const MissionInput& in) const {
-  const RelativeState& x = in.x;
-  const double height = std::max(0.0, x.p_NB.z() + above_floor_ - gear_height_);
-  const Seconds down = kSinksAfter + height / kSinksLeast;
-  const Vector3 v_IB_N = inertial_velocity_N(in.platform, x.p_NB, x.v_NB);
-  double nearest = horizontal(x.p_NB);
-  constexpr int kInstants = 4;
-  for (int k = 1; k <= kInstants; ++k) {
-    const Seconds t = k * down / kInstants;
-    const Seconds flies = braking(kBrakes, t);
-    const Vector3 flown = flies * v_IB_N + kBrakes * (t - flies) * in.push_N;
-    const Seconds driven = braking(kBrakesBeside, t);
-    const double turned = driven * in.platform.w_IN_N.z();
-    const Vector3 way = from_rpy(0, 0, 0.5 * turned) * (driven * in.platform.v_IN_N);
-    const Vector3 p_NB = from_rpy(0, 0, -turned) * (x.p_NB + flown - way);
-    nearest = std::min(nearest, horizontal(p_NB));
+LeftDrone Mission::left_here(const MissionInput& in) const {
+  return {in.x.p_NB, inertial_velocity_N(in.platform, in.x.p_NB, in.x.v_NB), in.push_N};
+}
+
+// From where it would be blown against the platform, or met by it, it is not left: it
+// goes to where it would not.
+void Mission::choose_leave_place(const MissionInput& in) {
+  if (!in_sight(in) || to_seconds(in.now - chose_place_) < kChoosesEvery) return;
+  chose_place_ = in.now;
+  const auto clear = [&](const Vector3& p_NB) {
+    return way_down_.clear(
+        {p_NB, inertial_velocity_N(in.platform, p_NB, Vector3::Zero()), in.push_N},
+        in.platform);
+  };
+  if (clear(leave_place_)) return;
+  const Vector3* best = nullptr;
+  double least = std::numeric_limits<double>::infinity();
+  for (const Vector3& place : leave_places_) {
+    const double way = horizontal(place - in.x.p_NB);
+    if (way >= least || !clear(place)) continue;
+    least = way;
+    best = &place;
   }
-  return nearest;
+  if (best == nullptr) return;
+  leave_place_ = *best;
+  move_to(leave_place_, config_.move_speed_m_s, in);
 }
 
 bool Mission::would_meet(const MissionInput& in) const {
@@ -205,7 +209,7 @@ bool Mission::would_meet(const MissionInput& in) const {
   const Seconds down = kSinksAfter + std::max(0.0, x.p_NB.z() - gear_height_) / kSinks;
   const Vector3 v_IB_N = inertial_velocity_N(in.platform, x.p_NB, x.v_NB);
   const Vector3 where =
-      x.p_NB + braking(kBrakes, down) * v_IB_N - down * in.platform.v_IN_N;
+      x.p_NB + braking(WayDown::kBrakes, down) * v_IB_N - down * in.platform.v_IN_N;
   return horizontal(where) < reach_ + kUnsure;
 }
 
@@ -347,8 +351,17 @@ bool Mission::may_be_left(const MissionInput& in) {
   // where it is.
   const bool obeys = in.mode == AutopilotMode::offboard &&
                      (in.link->healthy(in.now) || does_as_told(in));
-  if (!obeys || !in.estimate_valid || in_state(in) > config_.leave_max_s) return true;
-  if (in_sight(in)) return outline_.clear(in.x.p_NB);
+  if (!obeys || !in.estimate_valid || in.now > leave_by_) return true;
+  if (in_sight(in)) {
+    const bool there =
+        !leaves_where_told_ || horizontal(in.x.p_NB - leave_place_) < kThere;
+    // On its way there it may look as if it flew on.
+    LeftDrone at_rest = left_here(in);
+    at_rest.v_IB_N = inertial_velocity_N(in.platform, in.x.p_NB, Vector3::Zero());
+    return there && outline_.clear(in.x.p_NB) &&
+           way_down_.clear(left_here(in), in.platform) &&
+           way_down_.clear(at_rest, in.platform);
+  }
   // Better it drifts than that it sinks on a prediction that knows no thrust.
   if (!learnt(in)) return true;
   // The autopilot does not know its speed without us, and would drift with it.
@@ -378,7 +391,9 @@ void Mission::aborted(const MissionInput& in, Command& c, Output& out) {
   }
   // Why it was aborted stays told.
   if (!left_ && strayed(in)) {
-    move_to(config_.safety.leave_at_m, config_.move_speed_m_s, in);
+    move_to(leave_place_, config_.move_speed_m_s, in);
+  } else if (!left_) {
+    choose_leave_place(in);
   }
   left_ = left_ || may_be_left(in);
   if (!left_) {
@@ -438,7 +453,12 @@ void Mission::pilot(const MissionInput& in, Command& c, Output& out) {
                : "the pilot flies, the LEDs are out of sight",
          in, out);
   }
-  if (!in.estimate_valid) return;
+  if (!in.estimate_valid) {
+    // The stream is to go on; where it flies is not known.
+    c.mode = Command::Mode::ramp;
+    c.ramp_share = 1;
+    return;
+  }
   FlatState on = as_it_flies(in.x);
   on.a_NB = relative_acceleration(in.platform, on.p_NB, on.v_NB, Vector3::Zero());
   maneuver_ = Maneuver::coast(on, in.now);

@@ -215,8 +215,17 @@ void Mission::taken_off(const MissionInput& in, Command& c, Output& out) {
   const bool blind =
       coming_down_ &&
       (stands || to_seconds(in.now - coming_down_since_) > kComingDownFor);
-  if (abort_wanted_ || blind || in.link->lost(in.now) || !in.armed ||
-      in_state(in) > limit) {
+  const bool given_up = abort_wanted_ || blind || in.link->lost(in.now) || !in.armed ||
+                        in_state(in) > limit;
+  if (given_up && slept_unseen(in)) {
+    c.mode = Command::Mode::silent;
+    if (to_seconds(in.now - in.woke) < kFirstPicture) return;
+    airborne_ = true;  // for all that is known
+    go(MissionState::aborted, kStoodStill, in, out);
+    left_ = true;
+    return;
+  }
+  if (given_up) {
     stop_motors(in, c);
     if (config_.start_on_floor) {
       // It may fly unseen: only the autopilot can bring it down.
@@ -253,6 +262,12 @@ void Mission::taken_off(const MissionInput& in, Command& c, Output& out) {
   lift(rose, std::max(rise - kStandNoise, 0.0), in, c, out);
 }
 
+// Meanwhile it may have been thrown off the pad, or flown by its autopilot: motors that
+// are stopped on what was known before may carry it in the air.
+bool Mission::slept_unseen(const MissionInput& in) const {
+  return in.woke > status_.since && in.seen < in.woke;
+}
+
 // Its autopilot acts by itself before it was seen to lift.
 void Mission::taken_over_on_ramp(double share, const MissionInput& in, Command& c,
                                  Output& out) {
@@ -261,7 +276,7 @@ void Mission::taken_over_on_ramp(double share, const MissionInput& in, Command& 
   // autopilot's.
   const Seconds unsure = to_seconds(in.now - obeyed_till_);
   const double most = unsure < kJustTookOver ? std::min(ramp_most_, share) : share;
-  if (most < kStillStands && starts_ < config_.starts_max) {
+  if (most < kStillStands && starts_ < config_.starts_max && !slept_unseen(in)) {
     stop_motors(in, c);
     go(MissionState::idle, reason, in, out);
     return;

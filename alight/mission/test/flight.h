@@ -27,7 +27,8 @@ class Flight {
 
   // What may go wrong.
   bool link_up = true, telemetry = true, platform = true, sight = true;
-  bool arms = true;  ///< Does as ordered.
+  bool estimate = true;  ///< There is one, once it has been seen.
+  bool arms = true;      ///< Does as ordered.
   bool motors_stop = false;
   bool lifts = true;                 ///< Rises when thrust is enough.
   const Planner* planner = nullptr;  // else straight ways
@@ -103,7 +104,7 @@ class Flight {
       x_seen_ = x_;
       ever_seen_ = true;
     }
-    in.estimate_valid = ever_seen_;
+    in.estimate_valid = ever_seen_ && estimate;
     in.x = x_;
     in.x_seen = x_seen_;
     in.z_acted = in.x.p_NB.z() + 0.1 * in.x.v_NB.z();

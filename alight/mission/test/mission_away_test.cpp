@@ -609,6 +609,43 @@ TEST(Mission, AnAbortedLandingLeavesThePlatformFirst) {
 
 // Unheard a drone may hear all the same; one that flies by itself may as well be told
 // to.
+TEST(Mission, AnAbortedDroneIsNotLeftWhereTheWindBlowsItOntoThePlatform) {
+  // Behind a platform that stands, the wind from behind: it is led aside first.
+  for (const double side : {1.0, -1.0}) {
+    Flight f;
+    f.platform_speed = 0;
+    ASSERT_TRUE(f.reach(State::rendezvous));
+    f.push_N = Vector3(1.5, 0.2 * side, 0);
+    f.wish = OperatorWish::abort;
+    f.run(0.3);
+    EXPECT_EQ(f.state(), State::aborted);
+    EXPECT_EQ(f.orders_land, 0);
+    f.run(3.5);
+    EXPECT_GT(f.orders_land, 0);
+    const WayDown way_down(f.rig());
+    EXPECT_TRUE(way_down.clear({f.x().p_NB, Vector3::Zero(), f.push_N}, {}))
+        << f.x().p_NB.transpose();
+  }
+  // Of a platform that drives on it is clear where it is.
+  Flight f;
+  ASSERT_TRUE(f.reach(State::follow));
+  f.run(1.5);
+  f.push_N = Vector3(0.5, 0, 0);
+  f.wish = OperatorWish::abort;
+  f.run(0.3);
+  EXPECT_GT(f.orders_land, 0);
+}
+
+TEST(Mission, WhereNoPlaceIsClearOfTheWindItIsLeftInTimeAllTheSame) {
+  Flight f;
+  f.platform_speed = 0;
+  ASSERT_TRUE(f.reach(State::rendezvous));
+  f.push_N = Vector3(30, 0, 0);
+  f.wish = OperatorWish::abort;
+  f.run(MissionConfig{}.leave_max_s + 0.3);
+  EXPECT_GT(f.orders_land, 0);
+}
+
 TEST(Mission, AbortedUnheardItIsLedAwayWhileItDoesAsItIsTold) {
   const PlatformOutline outline(alan_rig());
   for (const bool obeys : {true, false}) {
@@ -708,6 +745,28 @@ TEST(Mission, ThePilotGivesItBack) {
   lands.motors_stop = true;
   ASSERT_TRUE(lands.until(State::complete, 1));
   EXPECT_EQ(lands.reason(), "the pilot stopped the motors");
+}
+
+// Autopilots take up set-points from a stream that runs, and only then.
+TEST(Mission, ThePilotCanGiveItBackHoweverLongItWasNotSeen) {
+  Flight f;
+  ASSERT_TRUE(bring(f, State::follow));
+  f.mode = AutopilotMode::hold;
+  f.run(1);
+  f.sight = f.estimate = false;
+  for (int i = 0; i < 1000; ++i) {
+    f.step();
+    ASSERT_EQ(f.state(), State::pilot);
+    ASSERT_EQ(f.c.mode, MissionCommand::Mode::ramp);  // level,
+    ASSERT_EQ(f.c.ramp_share, 1);                     // as it hovers
+    ASSERT_EQ(f.c.order, AutopilotOrder::none);
+  }
+  f.mode = AutopilotMode::offboard;
+  f.run(0.2);
+  EXPECT_EQ(f.state(), State::aborted);
+  EXPECT_EQ(f.reason(),
+            "the pilot has given it back out of sight: the autopilot lands");
+  EXPECT_GT(f.orders_land, 0);
 }
 
 TEST(Mission, GivenBackByThePilotWithoutSetpointsItIsTheAutopilots) {

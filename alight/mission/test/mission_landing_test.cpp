@@ -586,8 +586,12 @@ TEST(Mission, TooManyFailedLandingsLeaveWhereTold) {
   f.plans_feasible = false;
   ASSERT_TRUE(f.reach(State::aborted));
   EXPECT_EQ(f.reason(), "too many landings have failed: the autopilot lands");
+  // There, not where it is beside the platform already.
   f.run(0.2);
+  EXPECT_EQ(f.orders_land, 0);
+  f.run(3);
   EXPECT_GT(f.orders_land, 0);
+  EXPECT_LT((f.x().p_NB - config.safety.leave_at_m).head<2>().norm(), 0.35);
 }
 
 TEST(Mission, ReplansWhileLandingWithoutAJumpAndLands) {

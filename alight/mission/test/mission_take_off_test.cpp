@@ -662,6 +662,25 @@ TEST(Mission, ATakeOffGoesOnWhereOnlyTheComputerStoodStill) {
   }
 }
 
+// It may have been thrown off the pad meanwhile, or flown by its autopilot.
+TEST(Mission, AfterALongStallNoMotorsAreStoppedBeforeItIsSeenToStand) {
+  for (const AutopilotMode told : {AutopilotMode::offboard, AutopilotMode::failsafe}) {
+    for (const double thrust : {0.72, 0.9}) {
+      Flight f;
+      ASSERT_TRUE(f.ramp_up_to(thrust));
+      f.miss(3);
+      f.computer_was_late = true;
+      f.sight = false;
+      f.mode = told;
+      f.run(1);
+      EXPECT_EQ(f.orders_disarm, 0);
+      EXPECT_EQ(f.state(),
+                told == AutopilotMode::offboard ? State::aborted : State::lost_link);
+      EXPECT_EQ(f.reason(), "the computer stood still: the autopilot lands");
+    }
+  }
+}
+
 // Its autopilot has let it sink, and a pad that drove on has left it behind: what it
 // was asked to do before would have it meet the pad's edge.
 TEST(Mission, ATakeOffGoesOnFromWhereTheDroneHasComeMeanwhile) {
