@@ -32,20 +32,22 @@ inline CLI::Validator within(double low, double high) {
       "in " + bounds);
 }
 
-/// A whole number of at most 64 bits; CLI11 alone takes hexadecimal ones and clips.
-inline CLI::Validator seed_number() {
+/// A whole number of so many bits; CLI11 alone takes hexadecimal ones and clips.
+inline CLI::Validator seed_number(int bits = 63) {
   return CLI::Validator(
-      [](const std::string& text) -> std::string {
+      [bits](const std::string& text) -> std::string {
         std::int64_t value = 0;
         const char* const end = text.data() + text.size();
         const auto read = std::from_chars(text.data(), end, value);
-        if (read.ec == std::errc() && read.ptr == end && value >= 0) return {};
-        return alight::quoted(text) + " is not a whole number from 0 to 2^63 - 1";
+        const bool whole = read.ec == std::errc() && read.ptr == end && value >= 0;
+        if (whole && (value >> (bits - 1)) <= 1) return {};
+        return alight::quoted(text) + " is not a whole number from 0 to 2^" +
+               std::to_string(bits) + " - 1";
       },
       "NUMBER");
 }
 
-/// A folder or file to write needs a name.
+/// A folder or file needs a name.
 inline CLI::Validator named() {
   return CLI::Validator(
       [](const std::string& text) -> std::string {

@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <cctype>
 #include <cstdio>
+#include <cstring>
 #include <filesystem>
 #include <iostream>
-#include <limits>
 #include <memory>
 #include <set>
 
@@ -129,6 +129,18 @@ Result<CampaignOptions> options_of(const Settings& settings) {
   return options;
 }
 
+/// As a shell takes it for one word.
+std::string shell_word(const std::string& text) {
+  const auto plain = [](unsigned char c) {
+    return std::isalnum(c) != 0 || std::strchr("_./-+=,:@%", c) != nullptr;
+  };
+  if (!text.empty() && std::all_of(text.begin(), text.end(), plain)) return text;
+  std::string word = "'";
+  for (const char c : text)
+    word += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  return word + "'";
+}
+
 /// A name for files: letters, digits and what does not trouble a shell.
 std::string slug(const std::string& name) {
   std::string text;
@@ -143,26 +155,52 @@ std::string slug(const std::string& name) {
   return text;
 }
 
+/// Where landings that are flown again come from and go to: beside the store.
+std::string replay_folder(const Settings& settings) {
+  if (settings.out.empty()) return "runs";
+  const std::string store = store_file(settings.out);
+  const std::string folder = std::filesystem::path(store).parent_path().string();
+  return folder.empty() ? "." : folder;
+}
+
+/// Whether the campaign changes what it reads, and so writes scenarios of its own.
+bool makes_scenarios(const Settings& settings) {
+  return settings.perfect_rig || !settings.faults.empty();
+}
+
+/// A scenario's file name, with its folders where another has the same.
+std::string label_of(const Settings& settings, const std::string& file) {
+  const auto alike = std::count_if(
+      settings.scenarios.begin(), settings.scenarios.end(),
+      [&](const std::string& other) { return stem(other) == stem(file); });
+  if (alike <= 1) return stem(file);
+  return slug(std::filesystem::path(file).replace_extension().string());
+}
+
+/// The scenario's name for files, and what the campaign has made of it.
+std::string label_of(const Settings& settings, const CampaignScenario& scenario) {
+  const std::size_t end =
+      scenario.fault.empty() ? scenario.name.size() : scenario.name.find(" + ");
+  std::string label = label_of(settings, scenario.name.substr(0, end));
+  if (!scenario.fault.empty()) label += "_" + slug(scenario.name.substr(end));
+  if (settings.perfect_rig) label += "_perfect_rig";
+  return label;
+}
+
 /// What `alight land` is given for this scenario: the file it came from, or one that is
 /// written for it when the campaign made it up.
 std::string scenario_file(const Settings& settings, const CampaignScenario& scenario) {
-  if (scenario.fault.empty() && !settings.perfect_rig) return scenario.name;
-  std::string name = stem(scenario.name);
-  if (!scenario.fault.empty()) {
-    const std::size_t end = scenario.name.find(" + ");
-    name = stem(scenario.name.substr(0, end)) + "_" + slug(scenario.name.substr(end));
-  }
-  if (settings.perfect_rig) name += "_perfect_rig";
-  return "runs/" + std::string(scenario.fault.empty() ? "" : "faults/") + name +
-         ".yaml";
+  if (!makes_scenarios(settings)) return scenario.name;
+  return replay_folder(settings) + "/" + (scenario.fault.empty() ? "" : "faults/") +
+         label_of(settings, scenario) + ".yaml";
 }
 
 /// The line that flies this landing again and records it.
 std::string land_command(const Settings& settings, const CampaignScenario& scenario,
                          std::uint64_t seed) {
-  const std::string file = scenario_file(settings, scenario);
-  std::string line = "alight land --scenario " + file;
-  if (!settings.rig.empty()) line += " --rig " + settings.rig;
+  std::string line =
+      "alight land --scenario " + shell_word(scenario_file(settings, scenario));
+  if (!settings.rig.empty()) line += " --rig " + shell_word(settings.rig);
   if (settings.profile != "default") line += " --profile " + settings.profile;
   for (const Part part : settings.without) {
     line += std::string(" --without ") + to_string(part);
@@ -171,13 +209,14 @@ std::string land_command(const Settings& settings, const CampaignScenario& scena
     line += " --timeout " + number_text(settings.timeout_s);
   }
   if (settings.no_depth) line += " --no-depth";
-  std::string name = stem(file);
+  std::string name = label_of(settings, scenario);
   if (settings.profile != "default") name += "_" + settings.profile;
   for (const Part part : settings.without) {
     name += std::string("_without_") + to_string(part);
   }
   const std::string number = std::to_string(seed);
-  return line + " --seed " + number + " --out runs/" + name + "-" + number;
+  return line + " --seed " + number + " --out " +
+         shell_word(replay_folder(settings) + "/" + name + "-" + number);
 }
 
 Json as_json(const Spread& s) {
@@ -242,6 +281,9 @@ Result<void> campaign(const Settings& settings) {
   if (!options) return fail(options.error());
   if (!settings.plots.empty()) {
     if (auto good = check_folder(settings.plots); !good) return good;
+  }
+  if (makes_scenarios(settings)) {
+    if (auto good = check_folder(replay_folder(settings)); !good) return good;
   }
   std::function<void(const CampaignProgress&)> progress;
   if (isatty(STDERR_FILENO)) progress = show_progress;
@@ -345,8 +387,14 @@ Json as_json(const PairedFigure& f) {
           {"high", number_or_null(f.interval.high)}};
 }
 
+/// The store that --out was given a folder for.
+CampaignSide opened(CampaignSide side) {
+  if (std::filesystem::is_directory(side.store)) side.store = store_file(side.store);
+  return side;
+}
+
 Result<void> compare(const CompareSettings& settings) {
-  const auto result = compare_campaigns(settings.a, settings.b);
+  const auto result = compare_campaigns(opened(settings.a), opened(settings.b));
   if (!result) return fail(result.error());
   if (!settings.json) {
     std::cout << comparison_text(*result);
@@ -373,7 +421,8 @@ void add_compare(CLI::App& campaign, Job& job) {
   auto settings = std::make_shared<CompareSettings>();
   CLI::App* command = campaign.add_subcommand(
       "compare", "Two stores, landing by landing: what B does better or worse than A");
-  command->add_option("A", settings->a.store, "Store, FILE.sqlite")->required();
+  command->add_option("A", settings->a.store, "Store: FILE.sqlite, or its folder")
+      ->required();
   command->add_option("B", settings->b.store, "Store; may be the same")->required();
   const auto choose = [&](const std::string& side, CampaignSide& of) {
     command->add_option("--profile-" + side, of.profile,
@@ -404,11 +453,10 @@ void add_campaign(CLI::App& app, Job& job) {
       ->check(within(1, 1e6))
       ->capture_default_str();
   command->add_option("--first-seed", settings->first_seed, "The others follow it")
-      ->check(seed_number() &
-              CLI::Range(std::int64_t{0}, std::numeric_limits<std::int64_t>::max() / 2))
+      ->check(seed_number(62))
       ->capture_default_str();
-  command->add_option("--rig", settings->rig,
-                      "Rig file; without one, the authors' rig");
+  command->add_option("--rig", settings->rig, "Rig file; without one, the authors' rig")
+      ->check(named());
   command->add_option("--profile", settings->profile, "default or paper")
       ->check(CLI::IsMember({"default", "paper"}))
       ->capture_default_str();

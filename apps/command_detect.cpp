@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cstdio>
 #include <filesystem>
 #include <iostream>
@@ -145,6 +146,22 @@ Result<std::vector<Seen>> detect_all(const Options& options) {
   return all;
 }
 
+/// "NAME_leds.png", numbered where another image has the same name.
+std::string picture_name(const std::string& file,
+                         const std::vector<std::string>& taken) {
+  const std::string stem = std::filesystem::path(file).stem().string();
+  const auto is_taken = [&](const std::string& name) {
+    return std::any_of(taken.begin(), taken.end(), [&](const std::string& path) {
+      return std::filesystem::path(path).filename() == name;
+    });
+  };
+  std::string name = stem + "_leds.png";
+  for (int n = 2; is_taken(name); ++n) {
+    name = stem + "_" + std::to_string(n) + "_leds.png";
+  }
+  return name;
+}
+
 /// Nothing is said or written before every picture has been read.
 Result<void> run(const Options& options) {
   if (!options.out.empty()) {
@@ -157,8 +174,7 @@ Result<void> run(const Options& options) {
   for (const Seen& seen : *all) {
     images.push_back(document(seen.file, seen.result));
     if (seen.picture.empty()) continue;
-    pictures.push_back(options.out + "/" +
-                       std::filesystem::path(seen.file).stem().string() + "_leds.png");
+    pictures.push_back(options.out + "/" + picture_name(seen.file, pictures));
     if (auto good = save_png(pictures.back(), seen.picture.view()); !good) return good;
   }
   if (options.json) {

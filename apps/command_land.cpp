@@ -2,6 +2,7 @@
 #include <iostream>
 
 #include "alight/io/files.h"
+#include "alight/io/text.h"
 #include "alight/run/frame_recorder.h"
 #include "alight/run/landing_run.h"
 #include "alight/run/run_record.h"
@@ -33,12 +34,14 @@ void print(const LandingResult& r) {
         r.touchdown->t_s, 100 * r.touchdown->error_m, r.touchdown->relative_speed_m_s,
         r.touchdown->tilt_deg, r.touchdown->yaw_error_deg);
   }
-  std::printf("tracking      RMSE %.3f m in the landing, %.3f m while following\n",
-              r.tracking_rmse_m, r.follow_rmse_m);
-  std::printf(
-      "estimate      RMSE %.4f m, %.2f deg, %.3f m/s; tracked in %.2f %% of frames\n",
-      r.estimate.position_rmse_m, r.estimate.rotation_rmse_deg,
-      r.estimate.velocity_rmse_m_s, 100 * r.estimate.tracked_fraction);
+  std::printf("tracking      RMSE %s m in the landing, %s m while following\n",
+              fixed_text(r.tracking_rmse_m, 3).c_str(),
+              fixed_text(r.follow_rmse_m, 3).c_str());
+  std::printf("estimate      RMSE %s m, %s deg, %s m/s; tracked in %s %% of frames\n",
+              fixed_text(r.estimate.position_rmse_m, 4).c_str(),
+              fixed_text(r.estimate.rotation_rmse_deg, 2).c_str(),
+              fixed_text(r.estimate.velocity_rmse_m_s, 3).c_str(),
+              fixed_text(100 * r.estimate.tracked_fraction, 2).c_str());
   std::printf("speed         platform up to %.2f m/s, drone up to %.2f m/s\n",
               r.platform_speed_max_m_s, r.drone_speed_max_m_s);
   std::printf("simulation    %.1f s at %.1f times real time\n", r.simulated_s,
@@ -115,10 +118,12 @@ Result<void> land(const LandSettings& settings) {
 void add_land(CLI::App& app, Job& job) {
   auto settings = std::make_shared<LandSettings>();
   CLI::App* command = app.add_subcommand("land", "One simulated landing, start to end");
-  command->add_option("--scenario", settings->scenario,
-                      "Scenario file; without one, a calm circle");
-  command->add_option("--rig", settings->rig,
-                      "Rig file; without one, the authors' rig");
+  command
+      ->add_option("--scenario", settings->scenario,
+                   "Scenario file; without one, a calm circle")
+      ->check(named());
+  command->add_option("--rig", settings->rig, "Rig file; without one, the authors' rig")
+      ->check(named());
   command->add_option("--seed", settings->seed, "Every seed is another world")
       ->check(seed_number())
       ->capture_default_str();

@@ -76,6 +76,7 @@ void add_measure(CLI::App& app, Job& job) {
       "measure", "The estimator against the truth over many rendered flights");
   settings->sequence.add_to(*command);
   command->add_option("--seeds", options.seeds, "Number of flights")
+      ->check(within(1, MeasureOptions::kSeedsMost))
       ->capture_default_str();
   command->add_option("--first-seed", options.first_seed, "Of the first flight")
       ->check(seed_number())
@@ -86,6 +87,7 @@ void add_measure(CLI::App& app, Job& job) {
       ->check(CLI::IsMember({"default", "paper"}))
       ->capture_default_str();
   command->add_option("--jobs", options.jobs, "Threads; 0: one a core")
+      ->check(within(0, MeasureOptions::kJobsMost))
       ->capture_default_str();
   command->add_option("--rows", settings->rows, "File for a row a frame (CSV)")
       ->check(named());

@@ -94,8 +94,10 @@ void add_reproduce(CLI::App& app, Job& job) {
   command->add_option("--seed", settings->seed, "Every seed is another world")
       ->check(seed_number())
       ->capture_default_str();
-  command->add_option("--rig", settings->rig,
-                      "Rig file; without one, the authors' rig with a tag");
+  command
+      ->add_option("--rig", settings->rig,
+                   "Rig file; without one, the authors' rig with a tag")
+      ->check(named());
   command->add_option("--out", settings->out, "File for the figures, JSON")
       ->check(named());
   command->add_option("--figure", settings->figure, "File for a plot, PNG")

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <cstdio>
 #include <exception>
 #include <iostream>
 #include <string>
@@ -38,6 +39,12 @@ std::string unknown_command(const CLI::App& app, int argc, char** argv) {
   return alight::not_one_of(word, known);
 }
 
+/// @returns whether all that a command has said has got out.
+bool flush_output() {
+  std::cout.flush();
+  return std::fflush(stdout) == 0 && std::ferror(stdout) == 0 && std::cout.good();
+}
+
 }  // namespace
 
 int run_program(int argc, char** argv) {
@@ -71,9 +78,14 @@ int run_program(int argc, char** argv) {
 
   // No exceptions of ours; memory may still run out, or a library throw.
   try {
-    if (const auto done = job(); !done) {
-      std::cout.flush();
+    const auto done = job();
+    const bool written = flush_output();
+    if (!done) {
       std::cerr << title(app) << ": " << one_line(done.error().detail) << '\n';
+      return 1;
+    }
+    if (!written) {
+      std::cerr << title(app) << ": standard output: not all could be written to it\n";
       return 1;
     }
   } catch (const std::exception& wrong) {

@@ -96,28 +96,6 @@ Result<void> enough(const ConstellationConfig& config, const Constellation& leds
   return {};
 }
 
-Result<void> distances_hold(const LedAdjustmentConfig& config,
-                            const Constellation& written) {
-  for (const LedDistance& d : config.distances) {
-    const std::string name = std::to_string(d.i) + "," + std::to_string(d.j);
-    if (d.i < 0 || d.j < 0 || d.i == d.j || std::max(d.i, d.j) >= written.size()) {
-      return fail(Fault::invalid_config,
-                  "distance " + name + ": the rig's LEDs are 0 to " +
-                      std::to_string(written.size() - 1) + ", two different ones");
-    }
-    const double as_written = (written.p_BL(d.i) - written.p_BL(d.j)).norm();
-    const double sd = std::hypot(d.sd_m, std::sqrt(2.0) * config.led_sd_m);
-    const double most = std::max(5 * sd, kDistanceOff * as_written);
-    if (std::abs(d.distance_m - as_written) <= most) continue;
-    std::ostringstream text;
-    text << "distance " << name << ": " << d.distance_m << " m, the rig file says "
-         << std::setprecision(4) << as_written
-         << " m; that is too far apart (metres? the right LEDs, counted from 0?)";
-    return fail(Fault::invalid_config, text.str());
-  }
-  return {};
-}
-
 /// Largest angle between directions to the lens, seen from the drone, deg.
 double aspect_deg(const Camera& camera, const Frames& frames) {
   Vector3 mean = Vector3::Zero();
@@ -221,6 +199,28 @@ const char* to_string(SizeFrom from) {
       break;
   }
   return "prior";
+}
+
+Result<void> distances_hold(const LedAdjustmentConfig& config,
+                            const Constellation& written) {
+  for (const LedDistance& d : config.distances) {
+    const std::string name = std::to_string(d.i) + "," + std::to_string(d.j);
+    if (d.i < 0 || d.j < 0 || d.i == d.j || std::max(d.i, d.j) >= written.size()) {
+      return fail(Fault::invalid_config,
+                  "distance " + name + ": the rig's LEDs are 0 to " +
+                      std::to_string(written.size() - 1) + ", two different ones");
+    }
+    const double as_written = (written.p_BL(d.i) - written.p_BL(d.j)).norm();
+    const double sd = std::hypot(d.sd_m, std::sqrt(2.0) * config.led_sd_m);
+    const double most = std::max(5 * sd, kDistanceOff * as_written);
+    if (std::abs(d.distance_m - as_written) <= most) continue;
+    std::ostringstream text;
+    text << "distance " << name << ": " << d.distance_m << " m, the rig file says "
+         << std::setprecision(4) << as_written
+         << " m; that is too far apart (metres? the right LEDs, counted from 0?)";
+    return fail(Fault::invalid_config, text.str());
+  }
+  return {};
 }
 
 Result<ConstellationFit> calibrate_constellation(

@@ -47,12 +47,17 @@ struct ConstellationFit {
   int frames_held_out = 0;
 };
 
+/// Whether what was measured is between LEDs there are, and about as far as `written`
+/// has them apart. @returns invalid_config, naming the distance
+Result<void> distances_hold(const LedAdjustmentConfig& config,
+                            const Constellation& written);
+
 /// The LEDs of a rig from what a flight shows of them.
 ///
 /// @param written  The rig file's, the prior.
 /// @param start    To begin with; of an earlier pass, or `written`.
 /// @returns too_few_points or degenerate for weak data, with what to record instead;
-///          no_convergence; invalid_config for distances between LEDs there are not.
+///          no_convergence; invalid_config for distances that do not hold.
 Result<ConstellationFit> calibrate_constellation(const ConstellationConfig& config,
                                                  const Camera& camera,
                                                  const Constellation& written,

@@ -65,6 +65,10 @@ Result<void> Rig::validate() const {
   for (int i = 0; i < 3; ++i) {
     check.range("drone.inertia_kg_m2", drone.inertia_kg_m2[i], 1e-7, 100);
   }
+  const double most = drone.inertia_kg_m2.maxCoeff();
+  check.that(2 * most <= drone.inertia_kg_m2.sum() * (1 + 1e-9),
+             "drone.inertia_kg_m2: one is larger than the other two together, which no "
+             "body's is");
   check.range("drone.arm_m", drone.arm_m, 0.01, 5);
   check.range("drone.propeller_radius_m", drone.propeller_radius_m, 0.005, 2);
   check.range("drone.motor_ms", drone.motor_ms, 1, 500);

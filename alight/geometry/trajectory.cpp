@@ -4,8 +4,7 @@
 
 namespace alight {
 
-void evaluate_bezier(const SegmentPoints& c, double u, Seconds T,
-                     FlatState& out) {
+void evaluate_bezier(const SegmentPoints& c, double u, Seconds T, FlatState& out) {
   // De Casteljau: the last levels of the triangle hold the differences that the
   // hodograph needs.
   std::array<Vector3, kControlPoints> b = c;

@@ -5,6 +5,7 @@
 #include <cstring>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
+#include <string_view>
 
 #include "alight/io/files.h"
 #include "alight/io/held_standard_error.h"
@@ -12,16 +13,28 @@
 namespace alight {
 namespace {
 
+/// Whether a file that begins as one of these ends as it should: half a picture is
+/// decoded as one, the rest black.
+bool is_cut(std::string_view bytes) {
+  if (bytes.substr(0, 4) == "\x89PNG") {
+    return bytes.substr(bytes.size() - std::min<std::size_t>(bytes.size(), 64))
+               .find("IEND") == std::string_view::npos;
+  }
+  if (bytes.substr(0, 2) != "\xFF\xD8") return false;
+  // The end is that of the picture, not of a thumbnail in one of its segments.
+  const auto at = [&](std::size_t i) { return static_cast<unsigned char>(bytes[i]); };
+  std::size_t i = 2;
+  while (i + 4 <= bytes.size() && at(i) == 0xFF && at(i + 1) != 0xDA) {
+    i += 2 + (std::size_t{at(i + 2)} << 8) + at(i + 3);
+  }
+  return i >= bytes.size() || bytes.find("\xFF\xD9", i) == std::string_view::npos;
+}
+
 Result<cv::Mat> decode(const std::string& path) {
   const auto bytes = read_file(path);
   if (!bytes) return fail(bytes.error());
   cv::Mat picture;
-  // Half a picture is decoded as one, the rest black.
-  const bool cut =
-      bytes->compare(0, 4, "\x89PNG") == 0 &&
-      bytes->find("IEND", bytes->size() - std::min<std::size_t>(bytes->size(), 64)) ==
-          std::string::npos;
-  if (!bytes->empty() && !cut) {
+  if (!bytes->empty() && !is_cut(*bytes)) {
     const cv::Mat raw(1, static_cast<int>(bytes->size()), CV_8U,
                       const_cast<char*>(bytes->data()));
     // OpenCV throws on some damaged headers and returns nothing on others.

@@ -112,7 +112,7 @@ Result<std::vector<Entry>> read_list(const std::string& folder) {
     ++number;
     line = trimmed(line);
     if (number == 1) {
-      if (line.substr(0, 3) == "\xEF\xBB\xBF") line.remove_prefix(3);
+      line = without_byte_order_mark(line);
       const auto header = split(line, ',');
       columns = header.size();
       t_column = column_of(header, "t");

@@ -11,7 +11,8 @@ namespace {
 /// Walks over the lines of a text and knows where it is, for complaints.
 class Lines {
  public:
-  Lines(const std::string& path, std::string_view text) : path_(path), rest_(text) {}
+  Lines(const std::string& path, std::string_view text)
+      : path_(path), rest_(without_byte_order_mark(text)) {}
 
   bool next(std::string_view& line) {
     if (rest_.empty()) return false;

@@ -185,11 +185,11 @@ Result<Rig> load_rig(const std::string& path) {
   limits.read("speed_m_s", rig.limits.speed_m_s);
   limits.read("acceleration_m_s2", rig.limits.acceleration_m_s2);
   if (file.has("tag")) read_tag(file.map("tag"), rig.tag.emplace());
-  Safety checked;  // load_safety's to keep; here only its spelling counts
-  read_safety(file.map("safety"), checked);
+  Safety safety;  // load_safety's to keep; a wrong one is wrong for everybody
+  read_safety(file.map("safety"), safety);
   if (const auto good = file.finish(); !good) return fail(good.error());
-  if (const auto good = rig.validate(); !good) {
-    return fail(good.error().fault, path + ": " + good.error().detail);
+  for (const auto& good : {rig.validate(), safety.validate(rig)}) {
+    if (!good) return fail(good.error().fault, path + ": " + good.error().detail);
   }
   return rig;
 }

@@ -1,6 +1,7 @@
 #include "alight/io/text.h"
 
 #include <algorithm>
+#include <array>
 #include <charconv>
 #include <cmath>
 
@@ -66,6 +67,14 @@ std::string number_text(double value) {
   return std::string(buffer, end.ptr);
 }
 
+std::string fixed_text(double value, int digits) {
+  if (!std::isfinite(value)) return "-";
+  std::array<char, 400> room;  // the longest double has 309 digits before the point
+  const auto end = std::to_chars(room.data(), room.data() + room.size(), value,
+                                 std::chars_format::fixed, std::clamp(digits, 0, 20));
+  return std::string(room.data(), end.ptr);
+}
+
 bool parse_number(std::string_view text, double& value) {
   if (text.size() > 1 && text[0] == '+' && text[1] != '-') text.remove_prefix(1);
   double read = 0;
@@ -111,6 +120,11 @@ std::string_view trimmed(std::string_view text) {
   const std::size_t begin = text.find_first_not_of(blank);
   if (begin == std::string_view::npos) return {};
   return text.substr(begin, text.find_last_not_of(blank) - begin + 1);
+}
+
+std::string_view without_byte_order_mark(std::string_view text) {
+  constexpr std::string_view kMark = "\xEF\xBB\xBF";
+  return text.substr(0, kMark.size()) == kMark ? text.substr(kMark.size()) : text;
 }
 
 std::vector<std::string_view> split(std::string_view text, char separator) {

@@ -17,6 +17,9 @@ std::string not_one_of(std::string_view word, const std::vector<std::string>& kn
 /// Shortest decimal that reads back as the same double: 0.1, 415.872, 1e-09.
 std::string number_text(double value);
 
+/// With so many digits after the point; "-" for what is no finite number.
+std::string fixed_text(double value, int digits);
+
 /// The whole of `text` as a finite number; false for anything else ("1.2x", "nan", "").
 bool parse_number(std::string_view text, double& value);
 
@@ -29,6 +32,9 @@ bool parse_time(std::string_view text, Time& t);
 std::string quoted(std::string_view text);
 
 std::string_view trimmed(std::string_view text);
+
+/// Without the mark (U+FEFF) that some editors put before UTF-8.
+std::string_view without_byte_order_mark(std::string_view text);
 
 /// Fields between `separator`; "a,b," has three, the last empty.
 std::vector<std::string_view> split(std::string_view text, char separator);

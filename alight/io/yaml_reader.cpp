@@ -84,7 +84,13 @@ Result<YamlMap> YamlMap::load(const std::string& path) {
 Result<YamlMap> YamlMap::parse(const std::string& text, const std::string& name) {
   auto node = std::make_shared<Node>();
   try {
-    const YAML::Node root = YAML::Load(text);
+    const std::vector<YAML::Node> all = YAML::LoadAll(text);
+    if (all.size() > 1) {
+      return fail(Fault::invalid_config,
+                  name + ":" + std::to_string(line_of(all[1])) +
+                      ": begins a second document, one is needed");
+    }
+    const YAML::Node root = all.empty() ? YAML::Node() : all.front();
     if (root.IsMap()) {
       node->yaml.emplace(root);
     } else if (!root.IsNull()) {

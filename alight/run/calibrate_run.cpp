@@ -149,6 +149,9 @@ Result<std::vector<StandingView>> parked_views(const CalibrateMountOptions& opti
 
 Result<CalibrateFlightResult> calibrate_flight(const CalibrateFlightOptions& options) {
   if (auto good = options.rig.validate(); !good) return fail(good.error());
+  if (auto good = distances_hold(options.config.adjustment, options.rig.leds); !good) {
+    return fail(good.error());
+  }
   CalibrateFlightResult result;
   result.rig = options.rig;
   Rig rig = options.rig;

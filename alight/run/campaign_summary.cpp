@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "alight/io/text.h"
 #include "alight/run/append_format.h"
 
 namespace alight {
@@ -113,18 +114,18 @@ std::string summary_text(const CampaignSummary& s) {
   } else {
     text += "  touch-down   none\n";
   }
-  append_format(
-      text, "  tracking     RMSE p50 %.3f p95 %.3f m; following p50 %.3f p95 %.3f m\n",
-      s.tracking_rmse_m.p50, s.tracking_rmse_m.p95, s.follow_rmse_m.p50,
-      s.follow_rmse_m.p95);
-  append_format(
-      text,
-      "  estimate     RMSE p50 %.4f m (p95 %.4f), %.2f deg (p95 %.2f), %.3f m/s; "
-      "tracked "
-      "p50 %.2f min %.2f %%; NEES p50 %.1f\n",
-      s.position_rmse_m.p50, s.position_rmse_m.p95, s.rotation_rmse_deg.p50,
-      s.rotation_rmse_deg.p95, s.velocity_rmse_m_s.p50, 100 * s.tracked_fraction.p50,
-      100 * s.tracked_fraction.min, s.nees_mean.p50);
+  // What no landing got to is a dash.
+  const auto f = [](double value, int digits) { return fixed_text(value, digits); };
+  text += "  tracking     RMSE p50 " + f(s.tracking_rmse_m.p50, 3) + " p95 " +
+          f(s.tracking_rmse_m.p95, 3) + " m; following p50 " +
+          f(s.follow_rmse_m.p50, 3) + " p95 " + f(s.follow_rmse_m.p95, 3) + " m\n";
+  text += "  estimate     RMSE p50 " + f(s.position_rmse_m.p50, 4) + " m (p95 " +
+          f(s.position_rmse_m.p95, 4) + "), " + f(s.rotation_rmse_deg.p50, 2) +
+          " deg (p95 " + f(s.rotation_rmse_deg.p95, 2) + "), " +
+          f(s.velocity_rmse_m_s.p50, 3) + " m/s; tracked p50 " +
+          f(100 * s.tracked_fraction.p50, 2) + " min " +
+          f(100 * s.tracked_fraction.min, 2) + " %; NEES p50 " + f(s.nees_mean.p50, 1) +
+          "\n";
   append_format(
       text, "  simulation   %.1f times real time (p50 of one landing on its thread)\n",
       s.realtime_factor.p50);

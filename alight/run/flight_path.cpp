@@ -59,8 +59,8 @@ bool above_ground(const Rig& rig, const Pose& X_NB) {
 Result<void> FlightPathConfig::validate() const {
   return check_bounds(
       {{"range_min_m", range_min_m, 0.2, 100},
-       {"range_max_m", range_max_m, range_min_m + 0.01, 100},
-       {"speed_m_s", speed_m_s, 0.05, 10},
+       {"range_max_m", range_max_m, range_min_m + kRoom_m, kRangeMost_m},
+       {"speed_m_s", speed_m_s, kSpeedLeast_m_s, kSpeedMost_m_s},
        {"heading_off_min_deg", heading_off_min_deg, 0, 80},
        {"heading_off_max_deg", heading_off_max_deg, heading_off_min_deg, 80},
        {"turn_rate_rad_s", turn_rate_rad_s, 0.1, 20},

@@ -11,6 +11,9 @@ namespace alight {
 
 /// Where a drone may fly that shows its LEDs to the platform's camera.
 struct FlightPathConfig {
+  static constexpr double kRoom_m = 0.01, kRangeMost_m = 100;
+  static constexpr double kSpeedLeast_m_s = 0.05, kSpeedMost_m_s = 10;
+
   double range_min_m = 0.5;  ///< From the lens.
   double range_max_m = 3;
   double speed_m_s = 1.8;  ///< The fastest moment is at 85 % of it or more.

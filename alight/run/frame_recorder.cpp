@@ -7,6 +7,7 @@
 #include "alight/io/pose_log.h"
 #include "alight/io/rig_yaml.h"
 #include "alight/run/scenario_yaml.h"
+#include "alight/run/source_folder.h"
 
 namespace alight {
 namespace {
@@ -31,7 +32,7 @@ void FrameRecorder::on_picture(const CameraFrame& frame) {
   // A picture that came late or twice belongs to no sequence in order of time.
   if (!good_ || frame.captured <= last_ || frame.captured < 0) return;
   if (pictures_ == 0) {
-    good_ = make_folder(folder_);
+    good_ = begin_source(folder_);
     if (!good_) return;
     depth_ = !frame.depth.empty();
     if (depth_) list_ = "t,file,depth_file\n";

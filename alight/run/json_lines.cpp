@@ -52,7 +52,7 @@ std::string frame_line(const FrameReport& frame, Time used_t, double us) {
         {{"u", blob.uv.x()}, {"v", blob.uv.y()}, {"reason", to_string(blob.reason)}});
   }
   j["refused"] = std::move(refused);
-  j["reprojection_px"] = frame.reprojection_px;
+  j["reprojection_px"] = frame.tracked ? Json(frame.reprojection_px) : Json(nullptr);
   if (!frame.tracked) j["why_not"] = frame.why_not;
   j["us"] = us;
   return j.dump() + "\n";

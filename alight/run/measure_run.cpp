@@ -123,8 +123,8 @@ Json surely_wrong_frames(const MeasureResult& result) {
 
 Result<void> MeasureOptions::validate() const {
   if (auto good = sequence.validate(); !good) return good;
-  return check_bounds({{"seeds", static_cast<double>(seeds), 1, 1e6},
-                       {"jobs", static_cast<double>(jobs), 0, 1024}});
+  return check_bounds({{"seeds", static_cast<double>(seeds), 1, kSeedsMost},
+                       {"jobs", static_cast<double>(jobs), 0, kJobsMost}});
 }
 
 SequenceOptions measured_sequence(const MeasureOptions& options, std::uint64_t seed) {

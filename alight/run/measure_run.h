@@ -11,6 +11,7 @@ namespace alight {
 
 /// The estimator over many rendered flights, all in memory.
 struct MeasureOptions {
+  static constexpr int kSeedsMost = 1'000'000, kJobsMost = 1024;
   SequenceOptions sequence;  ///< Its seed aside.
   Profile profile = Profile::standard;
   std::uint64_t first_seed = 1;

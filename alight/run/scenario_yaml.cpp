@@ -116,9 +116,10 @@ class Reader {
   void choice(const char* key, Enum& value, std::initializer_list<Enum> all) {
     choose(key, value, std::vector<Enum>(all));
   }
-  /// One of an enumeration's first `count`.
+  /// One of an enumeration's first `count`, which must be told.
   template <class Enum>
   void word(const char* key, Enum& value, int count) {
+    map_.require(key);
     std::vector<Enum> all;
     for (int k = 0; k < count; ++k) all.push_back(static_cast<Enum>(k));
     choose(key, value, all);

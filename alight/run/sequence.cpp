@@ -11,6 +11,7 @@
 #include "alight/io/image_io.h"
 #include "alight/io/pose_log.h"
 #include "alight/io/rig_yaml.h"
+#include "alight/run/source_folder.h"
 #include "alight/sim/camera_lights.h"
 #include "alight/sim/true_rig.h"
 
@@ -118,13 +119,13 @@ Result<void> SequenceOptions::validate() const {
                                              std::to_string(rig.leds.size() - 1));
     }
   }
-  return check_bounds({{"frames", static_cast<double>(frames), 1, 36000},
+  return check_bounds({{"frames", static_cast<double>(frames), 1, kFramesMost},
                        {"platform_speed_m_s", platform_speed_m_s, 0, 10},
-                       {"lights", static_cast<double>(lights), 0, 1000},
-                       {"strays", static_cast<double>(strays), 0, 1000},
+                       {"lights", static_cast<double>(lights), 0, kLightsMost},
+                       {"strays", static_cast<double>(strays), 0, kLightsMost},
                        {"dark_from", dark_from, 0, 1e6},
                        {"dark_to", dark_to, dark_from, 1e6},
-                       {"led_error_mm", led_error_mm, 0, 50}});
+                       {"led_error_mm", led_error_mm, 0, kLedErrorMost_mm}});
 }
 
 Sequence::Sequence(const SequenceOptions& options, FlightPath path, Rig true_rig)
@@ -204,7 +205,7 @@ Result<std::string> save_sequence(const std::string& folder,
                                   const std::function<void(int)>& progress) {
   auto sequence = Sequence::create(options);
   if (!sequence) return fail(sequence.error());
-  if (auto good = make_folder(folder); !good) return fail(good.error());
+  if (auto good = begin_source(folder); !good) return fail(good.error());
   const bool jpeg = sequence->jpeg() > 0;
   std::string list = "t,file\n";
   std::string truth = "t,x,y,z,qx,qy,qz,qw,vx,vy,vz\n";

@@ -21,6 +21,8 @@ const char* to_string(SequenceKind kind);
 std::optional<SequenceKind> sequence_kind(std::string_view name);
 
 struct SequenceOptions {
+  static constexpr int kFramesMost = 36000, kLightsMost = 1000;
+  static constexpr double kLedErrorMost_mm = 50;
   Rig rig;  ///< As written down; what flies is drawn around it.
   SequenceKind kind = SequenceKind::clean;
   std::uint64_t seed = 1;

@@ -170,6 +170,11 @@ TEST_F(BadInput, Rigs) {
         {"rig.yaml:", "raedout_ms", "readout_ms"}});
   each({rig_with("fx: 415.872", "fx: .nan"), {"rig.yaml:", "fx"}});
   each({rig_with("fx: 415.872", "fx: -1"), {"rig.yaml", "fx"}});
+  each(
+      {rig_with("inertia_kg_m2: [0.0018, 0.0018, 0.003]", "inertia_kg_m2: [1, 1, 100]"),
+       {"rig.yaml", "inertia_kg_m2", "other two"}});
+  each({file("rig.yaml", text + "safety: {battery_low: 2}\n"),
+        {"rig.yaml", "battery_low"}});
 }
 
 /// The LEDs moved to these places, colours left out.
@@ -265,6 +270,8 @@ TEST_F(BadInput, Scenarios) {
   each("wind:\n  mean_m_s: .nan\n", {"s.yaml:2", "mean_m_s"});
   each("radio: {loss: 2}", {"s.yaml", "loss"});
   each("platform: {kind: spiral}", {"s.yaml:1", "spiral"});
+  each("faults: [{at_s: 1}]", {"s.yaml:1", "kind", "is missing"});
+  each("wind: {mean_m_s: 1}\n---\nwind: {mean_m_s: 2}\n", {"s.yaml:3", "second"});
 }
 
 /// `text` with the value of each of its lines "key: value" in turn made each of
@@ -356,6 +363,11 @@ TEST_F(BadInput, Pictures) {
   both("flipped.png", {"flipped.png", "not a picture"});
   file("cut.jpg", std::string("\xff\xd8\xff\xe0\x00\x10JFIF\x00\x01\x01\x00", 14));
   both("cut.jpg", {"cut.jpg", "not a picture"});
+  ASSERT_TRUE(save_jpeg(at("whole.jpg"), Image(848, 480, 3, 90).view(), 80));
+  EXPECT_EQ(run("detect '" + at("whole.jpg") + "'" + rig).status, 0);
+  const std::string jpeg = read_file(at("whole.jpg")).value();
+  file("half.jpg", jpeg.substr(0, jpeg.size() / 2));
+  both("half.jpg", {"half.jpg", "not a picture"});
   ASSERT_TRUE(save_png(at("small.png"), Image(640, 480, 3).view()));
   both("small.png", {"small.png", "640x480", "848x480"});
 }
@@ -434,6 +446,17 @@ TEST_F(BadInput, Arguments) {
         std::string("land --seed 1 --seed 2"),
         std::string("land --seed"),
         std::string("land --out ''"),
+        std::string("land --rig ''"),
+        std::string("land --scenario ''"),
+        std::string("campaign --scenario x --rig ''"),
+        std::string("measure --rig ''"),
+        std::string("measure --frames 0"),
+        std::string("measure --seeds 0"),
+        std::string("measure --jobs -1"),
+        std::string("render --out x --lights -1"),
+        std::string("render --out x --stray 100000"),
+        std::string("render --out x --range-m 0"),
+        std::string("render --out x --dead 99"),
         std::string("campaign"),
         std::string("campaign --scenario x --seeds 0"),
         std::string("campaign --scenario x --seeds many"),
@@ -465,6 +488,29 @@ TEST_F(BadInput, Arguments) {
     EXPECT_EQ(ran.out, "") << wrong;
     EXPECT_EQ(std::count(ran.err.begin(), ran.err.end(), '\n'), 1) << wrong << ran.err;
     EXPECT_NE(ran.err.find("--help"), std::string::npos) << wrong << ran.err;
+  }
+}
+
+TEST_F(BadInput, DistancesBetweenLedsThereAreNot) {
+  const std::string command = "calibrate constellation '" + at("absent") + "' --rig '" +
+                              good_rig_ + "' --distance ";
+  expect_refused(command + "0,9=0.1", 1, {"distance 0,9", "0 to 5"});
+  expect_refused(command + "1,1=0.1", 1, {"distance 1,1", "two different ones"});
+  expect_refused(command + "0,5=165", 1, {"distance 0,5", "metres?"});
+}
+
+TEST_F(BadInput, ALostStandardOutputIsNoSuccess) {
+  for (const char* command :
+       {"plan --from=-1.2,0,0.8 --json", "plan --from=-1.2,0,0.8"}) {
+    const std::string line = std::string("'") + ALIGHT_PROGRAM + "' " + command +
+                             " --rig '" + good_rig_ + "' >/dev/full 2>'" +
+                             at("stderr") + "'";
+    const int code = std::system(line.c_str());
+    ASSERT_TRUE(WIFEXITED(code));
+    EXPECT_EQ(WEXITSTATUS(code), 1) << line;
+    EXPECT_NE(read_file(at("stderr")).value_or("").find("standard output"),
+              std::string::npos)
+        << line;
   }
 }
 
