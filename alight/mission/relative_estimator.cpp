@@ -38,6 +38,8 @@ constexpr unsigned kLookAgainEvery = 8;
 // So many pictures in a row, each another than the one before: the camera has noise, or
 // what it sees moves. More than a drone that was put down takes to come to rest.
 constexpr int kNoisyPictures = 30;
+// m/s, and sd of what is known of it: so fast it is seen to move.
+constexpr double kMoves = 0.05, kMovesSds = 3;
 constexpr double kGammaKept = 0.07;    // change of its logarithm that does not matter
 constexpr double kGammaBlur_px = 0.7;  // streaks are no round lights
 constexpr int kAroundRoi_px = 24;      // that fits to lights in it look at
@@ -155,6 +157,8 @@ RelativeEstimatorConfig RelativeEstimatorConfig::paper() {
 RelativeEstimatorConfig RelativeEstimatorConfig::camera_only() {
   RelativeEstimatorConfig config;
   config.prediction_step_ms = 50;  // nothing happens between pictures
+  config.frozen_pictures = 2;
+  config.told_when_it_rests = false;
   config.search_lean_deg = 180;
   config.reach_m_s = 0;
   config.filter = RelativeFilterConfig::camera_only();
@@ -277,12 +281,12 @@ bool RelativeEstimator::fuse(const CameraFrame& given, const MotionSource& motio
     repeats_ = alike >= config_.frozen_pictures;
   }
   // A camera without noise sees the same again and again while nothing moves.
-  const bool flies = !expecting_ && !on_floor_;
+  const bool flies = config_.told_when_it_rests ? !expecting_ && !on_floor_ : moves();
   frozen_ = repeats_ && (flies || noisy_);
   if (filter_.initialized()) {
     const ProbeScope scope(probe, Stage::filter);
-    // What is no sight leaves the filter to what the autopilot tells.
-    if (!frozen_) advance(frame.captured, motion);
+    // What is no sight leaves the filter to what the autopilot tells, if it does.
+    if (!frozen_ || config_.coast_s > 0) advance(frame.captured, motion);
     if (to_seconds(frame.captured - last_sight_) > config_.forget_after_s) {
       filter_.stop();
     }
@@ -339,7 +343,7 @@ bool RelativeEstimator::fuse(const CameraFrame& given, const MotionSource& motio
     out.tracked = false;
     out.why_not = "two poses explain the pictures";
   }
-  if (filter_.initialized() && !frozen_) report_state(out);
+  if (filter_.initialized() && (!frozen_ || config_.coast_s > 0)) report_state(out);
   // A drone that stands where it is known to stand tells more of its rig than that.
   // The first pictures' noise looks like LEDs that are off.
   const bool off = filter_.led_sd_seen_m() > config_.learn_leds_from_m;
@@ -399,7 +403,13 @@ bool RelativeEstimator::unseen_for_long(Time t) const {
 
 bool RelativeEstimator::coasts(Time t) const {
   return to_seconds(t - last_sight_) < config_.coast_s && filter_.initialized() &&
-         !frozen_ && !expecting_ && !fresh_ && well_known();
+         !expecting_ && !fresh_ && well_known();
+}
+
+bool RelativeEstimator::moves() const {
+  return filter_.initialized() &&
+         filter_.state().v_NB.norm() >
+             std::max(kMoves, kMovesSds * filter_.velocity_sd());
 }
 
 bool RelativeEstimator::missed(Time t) const {

@@ -54,14 +54,15 @@ struct RelativeEstimatorConfig {
                                 ///< which nothing is found, and as many again, one is
                                 ///< searched as if light were stored by the usual power
                                 ///< of it, too. 0: never.
-  bool calibrate_at_rest = true;  ///< Before take-off from the pad.
-  int rest_pictures = 20;         ///< That many of each LED at least.
-  double rest_led_sd_m = 0.0008;  ///< How well LEDs are known then.
-  double prediction_step_ms = 5;  ///< Inputs are held this long.
-  int frozen_pictures = 0;        ///< So many alike to the last bit in a row are those
-                                  ///< of a camera that has stopped: no sight, where
-                                  ///< the drone flies or pictures have differed while
-                                  ///< it stood. 0: not looked at.
+  bool calibrate_at_rest = true;   ///< Before take-off from the pad.
+  int rest_pictures = 20;          ///< That many of each LED at least.
+  double rest_led_sd_m = 0.0008;   ///< How well LEDs are known then.
+  double prediction_step_ms = 5;   ///< Inputs are held this long.
+  int frozen_pictures = 0;         ///< So many alike to the last bit in a row are those
+                                   ///< of a camera that has stopped: no sight, where
+                                   ///< the drone flies or pictures have differed while
+                                   ///< it stood. 0: not looked at.
+  bool told_when_it_rests = true;  ///< Else it flies while it is seen to move.
   // Fewer than three LEDs do for a pose that is known this well (sd) with them:
   double known_sd_m = 0.05;
   double known_sd_deg = 7;
@@ -199,6 +200,8 @@ class RelativeEstimator {
   bool missed(Time t) const;
   /// Whether what has been told until just now goes on being known.
   bool coasts(Time t) const;
+  /// Surely, by what the filter knows.
+  bool moves() const;
   /// Lights that are none of the LEDs stand about where X_NB has these.
   bool among_lamps(const LedFrame& seen, const Pose& X_NB) const;
   /// So few LEDs seen again may be lamps, until pictures in a row show them.

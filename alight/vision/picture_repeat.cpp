@@ -8,9 +8,9 @@
 namespace alight {
 namespace {
 
-constexpr int kRows = 16;       // every so many are compared,
+constexpr int kRows = 120;      // every so many are compared,
 constexpr int kRowsUnseen = 3;  // and so many where no LED is known: one is as high
-constexpr double kAroundPx = 8;
+constexpr double kAroundPx = 4;
 
 // FNV-1a over whole words, four at a time, for each waits for the one before it.
 std::uint64_t fingerprint(const ImageView& picture, const Roi& roi, int step) {
@@ -44,11 +44,18 @@ std::uint64_t fingerprint(const ImageView& picture, const Roi& roi, int step) {
 
 }  // namespace
 
+std::uint64_t PictureRepeat::there(const ImageView& picture) const {
+  std::uint64_t hash = 0;
+  for (const Roi& place : places_) {
+    hash = (hash ^ fingerprint(picture, place, step_)) * 1099511628211u;
+  }
+  return hash;
+}
+
 int PictureRepeat::look(const ImageView& picture) {
   const std::uint64_t rows =
       fingerprint(picture, {0, 0, picture.width, picture.height}, kRows);
-  const bool same =
-      alike_ > 0 && rows == rows_ && fingerprint(picture, place_, step_) == there_;
+  const bool same = alike_ > 0 && rows == rows_ && there(picture) == there_;
   alike_ = same ? alike_ + 1 : 1;
   rows_ = rows;
   return alike_;
@@ -56,24 +63,19 @@ int PictureRepeat::look(const ImageView& picture) {
 
 void PictureRepeat::found(const ImageView& picture, std::span<const Vector2> leds_px) {
   if (alike_ > 1) return;  // as before
-  place_ = {0, 0, picture.width, picture.height};
-  step_ = kRowsUnseen;
-  if (!leds_px.empty()) {
-    Vector2 low = leds_px.front(), high = leds_px.front();
-    for (const Vector2& uv : leds_px) {
-      low = low.cwiseMin(uv);
-      high = high.cwiseMax(uv);
-    }
-    const auto inside = [](double px, int size) {
-      return static_cast<int>(std::clamp(px, 0.0, static_cast<double>(size)));
-    };
-    place_ = {inside(low.x() - kAroundPx, picture.width),
-              inside(low.y() - kAroundPx, picture.height),
-              inside(high.x() + kAroundPx + 1, picture.width),
-              inside(high.y() + kAroundPx + 1, picture.height)};
-    step_ = 1;
+  places_.clear();
+  step_ = leds_px.empty() ? kRowsUnseen : 1;
+  if (leds_px.empty()) places_.push_back({0, 0, picture.width, picture.height});
+  const auto inside = [](double px, int size) {
+    return static_cast<int>(std::clamp(px, 0.0, static_cast<double>(size)));
+  };
+  for (const Vector2& uv : leds_px) {
+    (void)places_.push_back({inside(uv.x() - kAroundPx, picture.width),
+                             inside(uv.y() - kAroundPx, picture.height),
+                             inside(uv.x() + kAroundPx + 1, picture.width),
+                             inside(uv.y() + kAroundPx + 1, picture.height)});
   }
-  there_ = fingerprint(picture, place_, step_);
+  there_ = there(picture);
 }
 
 }  // namespace alight

@@ -2,15 +2,17 @@
 #include <cstdint>
 #include <span>
 
+#include "alight/base/fixed_vector.h"
 #include "alight/geometry/image.h"
 #include "alight/geometry/pose.h"
+#include "alight/geometry/rig.h"
 
 namespace alight {
 
 /// Tells whether a camera repeats its picture to the last bit, which no sensor that
 /// still looks does: its noise makes every row another. Compares some rows of the
-/// picture and all of the place where LEDs were, so that pictures without noise are
-/// told apart, too.
+/// picture and all around the places where LEDs were, so that pictures without noise
+/// are told apart, too.
 ///
 /// No allocation.
 class PictureRepeat {
@@ -22,11 +24,13 @@ class PictureRepeat {
   void found(const ImageView& picture, std::span<const Vector2> leds_px);
 
  private:
+  std::uint64_t there(const ImageView& picture) const;
+
   int alike_ = 0;
-  std::uint64_t rows_ = 0;   // fingerprint of the last picture's rows,
-  Roi place_;                // what else of it is compared,
-  int step_ = 1;             // of this every so many rows,
-  std::uint64_t there_ = 0;  // and its fingerprint
+  std::uint64_t rows_ = 0;             // fingerprint of the last picture's rows,
+  FixedVector<Roi, kMaxLeds> places_;  // what else of it is compared,
+  int step_ = 1;                       // of this every so many rows,
+  std::uint64_t there_ = 0;            // and its fingerprint
 };
 
 }  // namespace alight

@@ -167,7 +167,7 @@ TEST(RelativeEstimator, AtRestARepeatedPictureIsOneOnlyOfACameraThatHasNoise) {
     w.draw(w.X_NB_rest);
     for (int i = 0; i < 60; ++i) {
       // One pixel far from the LEDs, in a row that is compared.
-      if (noise) w.picture.dot(20, 16, static_cast<std::uint8_t>(5 + i % 7));
+      if (noise) w.picture.dot(20, 120, static_cast<std::uint8_t>(5 + i % 7));
       w.now += kFrame;
       w.fuse(w.now);
       if (i >= config.search_confirmations) {
@@ -181,7 +181,7 @@ TEST(RelativeEstimator, AtRestARepeatedPictureIsOneOnlyOfACameraThatHasNoise) {
       EXPECT_EQ(w.estimator.camera_frozen(), noise);
       EXPECT_TRUE(w.estimator.picture_repeats());
     }
-    w.picture.dot(20, 16, 90);
+    w.picture.dot(20, 120, 90);
     w.now += kFrame;
     w.fuse(w.now);
     EXPECT_TRUE(w.report.tracked) << "it looks again";

@@ -72,6 +72,38 @@ TEST(RelativeEstimator, ACameraThatRepeatsItsPictureSeesNothing) {
   EXPECT_TRUE(w.report.tracked);
 }
 
+// Nobody tells of a drone before a camera alone whether it flies.
+TEST(RelativeEstimator, BeforeACameraAloneWhatMovesIsNoLongerSeenInRepeatedPictures) {
+  Watch w(RelativeEstimatorConfig::camera_only());
+  w.follow(40);
+  const Time seen = w.now;
+  for (int k = 0; k < 20; ++k) {
+    w.again();
+    // As predicted for a while, and no longer.
+    EXPECT_EQ(w.report.tracked, to_seconds(w.now - seen) < 0.15) << k;
+    if (w.report.tracked) {
+      EXPECT_LT(w.position_error(), 0.02) << k;
+    }
+    EXPECT_TRUE(w.report.leds.empty()) << k;
+  }
+  EXPECT_STREQ(w.report.why_not, "the camera repeats its picture");
+  w.follow(3);
+  EXPECT_TRUE(w.report.tracked);
+  EXPECT_LT(w.position_error(), 0.01);
+}
+
+TEST(RelativeEstimator, BeforeACameraAloneWithoutNoiseADroneMayRest) {
+  Watch w(RelativeEstimatorConfig::camera_only());
+  const Pose rests = Watch::sway(0);
+  for (int k = 0; k < 100; ++k) {
+    w.now += kFrame;
+    w.draw(rests);
+    ASSERT_TRUE(w.fuse(w.now));
+    EXPECT_TRUE(w.report.tracked || k < 2) << k << ": " << w.report.why_not;
+  }
+  EXPECT_LT((w.report.x.p_NB - rests.translation()).norm(), 0.004);
+}
+
 // Pictures that do not come leave the drone to what its autopilot tells.
 TEST(RelativeEstimator, ADroneThatIsNotSeenMovesAsItsAutopilotTells) {
   Watch w(RelativeEstimatorConfig{});

@@ -88,6 +88,8 @@ struct Watch {
   static RelativeEstimatorConfig config_for_tests() {
     RelativeEstimatorConfig config = RelativeEstimatorConfig::camera_only();
     config.coast_s = 0;
+    config.frozen_pictures = 0;
+    config.told_when_it_rests = true;
     return config;
   }
 
