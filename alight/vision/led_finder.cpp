@@ -11,6 +11,8 @@ namespace alight {
 namespace {
 
 constexpr double kSurelyPad = 0.9;  // of its side: the mount may be off
+// A single picture may take so many times longer: there is no next one.
+constexpr int kNobodyWaits = 20, kPatient = 50'000'000;
 
 double radius_of(const Constellation& leds) {
   double radius = 0;
@@ -164,7 +166,9 @@ Result<DetectResult> detect_once(const Rig& rig, const ImageView& image,
   auto detector = BlobDetector::create(blob_config, rig.camera.intrinsics.width,
                                        rig.camera.intrinsics.height);
   if (!detector) return fail(detector.error());
-  auto finder = LedFinder::create(finder_config, rig.camera, rig.leds, rig.pad.size_m);
+  LedFinderConfig patient = finder_config;
+  patient.work_max = std::min(patient.work_max, kPatient) * kNobodyWaits;
+  auto finder = LedFinder::create(patient, rig.camera, rig.leds, rig.pad.size_m);
   if (!finder) return fail(finder.error());
   if (!detector->takes(image, depth)) return fail(Fault::invalid_input);
   LinearPicture linear(image.width, image.height, rig.gamma > 0 ? rig.gamma : 1);

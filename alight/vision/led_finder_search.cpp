@@ -26,6 +26,13 @@ constexpr double kLong = 2;
 /// Words of the largest set of triples.
 constexpr std::size_t kWordsMost =
     (kMaxLeds * (kMaxLeds - 1) * (kMaxLeds - 2) / 6 + 63) / 64;
+/// Of so many LEDs all but one, or as good, explained by a guess are no chance where
+/// they stand before lights of their own, but for this share of them.
+constexpr int kMany = 9;
+constexpr double kNearlyAll = 1;
+constexpr double kOfTheirOwn = 0.75;
+constexpr double kWider = 1.15;  // than what it explains is what is looked at then
+constexpr double kUsualLeds = 6;
 // Cost of the steps of a search, in units of LedFinderConfig::work_max.
 constexpr int kLookUp = 1, kThreePoints = 4, kMatch = 100, kFit = 500;
 
@@ -193,6 +200,8 @@ void LedFinder::Search::search_triples_in(BlobSpan blobs, bool white_is_any,
                                           std::size_t first, std::size_t last) {
   guesses.clear();
   guess_worst = 0;
+  narrowed_radius_px = 0;
+  const std::int64_t most = work_most();
   const auto px = [&](int j) { return pinhole[static_cast<std::size_t>(j)]; };
   const auto fits = [&](std::size_t corner, int j) -> const TripleSet& {
     return of_color[corner]
@@ -208,34 +217,40 @@ void LedFinder::Search::search_triples_in(BlobSpan blobs, bool white_is_any,
   const std::size_t count = seeds.size();
   std::size_t stride = std::max<std::size_t>(1, count * 5 / 8);
   while (std::gcd(stride, count) != 1) ++stride;
+  // And where one stands still the next picture's goes on from there.
+  const std::size_t begin = next_seed;
   for (std::size_t step = 0; step < count; ++step) {
-    const std::size_t n = step * stride % count;
+    const std::size_t n = (begin + step) * stride % count;
+    if (!looked_at(seeds[n])) continue;
+    next_seed = begin + step;
     look_around(blobs, n, white_is_any);
     const int i = around.blob[0];
     std::uint64_t any = 0;
     for (std::size_t w = 0; w < words; ++w) any |= by_one[w] = asked[w] & fits(0, i)[w];
     if (any == 0) continue;
     for (std::size_t j = 1; j < around.count; ++j) {
+      if (!looked_at(around.blob[j])) continue;
       const TripleSet& second = fits(1, around.blob[j]);
       any = 0;
       for (std::size_t w = 0; w < words; ++w) any |= by_two[w] = by_one[w] & second[w];
       if (any == 0) continue;
       const ShapeTable::Side side = ShapeTable::side(px(i), px(around.blob[j]));
       for (std::size_t k = 1; k < around.count; ++k) {
-        if (k == j) continue;
+        if (k == j || !looked_at(around.blob[k])) continue;
         work += kLookUp;
         const std::uint64_t* possible = shapes.possible(side, px(around.blob[k]));
         const TripleSet& third = fits(2, around.blob[k]);
         for (std::size_t w = 0; w < words; ++w) {
           std::uint64_t left = possible[w] & by_two[w] & third[w];
           for (; left != 0; left &= left - 1) {
-            if (work > config.work_max) return;
+            if (work > most) return;
             guess(w * 64 + static_cast<std::size_t>(std::countr_zero(left)), j, k);
           }
         }
       }
     }
   }
+  next_seed = 0;
 }
 
 namespace {
@@ -317,7 +332,8 @@ ALIGHT_INLINE void LedFinder::Search::guess_by(std::size_t triple, std::size_t j
       ++work;
       if (out.cost >= worst) return false;
     }
-    return std::popcount(lights) >= 4;
+    out.lights = std::popcount(lights);
+    return out.lights >= 4;
   };
   for (const double sign : {1.0, -1.0}) {
     Guess out;
@@ -358,6 +374,7 @@ ALIGHT_WIDE void LedFinder::Search::guess_wide(std::size_t triple, std::size_t j
 #endif
 
 void LedFinder::Search::keep_guess(const Guess& guess) {
+  narrow(guess);
   std::size_t worst = 0;
   for (std::size_t g = 0; g < guesses.size(); ++g) {
     Guess& other = guesses[g];
@@ -374,6 +391,33 @@ void LedFinder::Search::keep_guess(const Guess& guess) {
   }
   guess_worst = 0;
   for (const Guess& other : guesses) guess_worst = std::max(guess_worst, other.cost);
+}
+
+void LedFinder::Search::narrow(const Guess& guess) {
+  if (leds.size() < kMany || guess.cost > kNearlyAll ||
+      guess.lights < kOfTheirOwn * leds.size() || narrowed_radius_px > 0) {
+    return;
+  }
+  Vector2 low = Vector2::Constant(1e9), high = -low;
+  for (std::size_t l = 0; l < static_cast<std::size_t>(leds.size()); ++l) {
+    if (guess.blob[l] < 0) continue;
+    const Vector2& uv = pinhole[static_cast<std::size_t>(guess.blob[l])];
+    low = low.cwiseMin(uv);
+    high = high.cwiseMax(uv);
+  }
+  narrowed_px = (low + high) / 2;
+  narrowed_radius_px = kWider * (high - low).norm() / 2;
+}
+
+bool LedFinder::Search::looked_at(int blob) const {
+  const Vector2& uv = pinhole[static_cast<std::size_t>(blob)];
+  return narrowed_radius_px <= 0 ||
+         (uv - narrowed_px).squaredNorm() < narrowed_radius_px * narrowed_radius_px;
+}
+
+std::int64_t LedFinder::Search::work_most() const {
+  const double more = std::max(1.0, leds.size() / kUsualLeds);
+  return static_cast<std::int64_t>(more * config.work_max);
 }
 
 void LedFinder::Search::try_guesses(BlobSpan blobs, bool white_is_any) {

@@ -35,6 +35,7 @@ struct LedFinder::Search {
   /// Three blobs taken for three LEDs, and where the other LEDs then are.
   struct Guess {
     double cost = 0;  // LEDs not explained
+    int lights = 0;   // that explain the others
     int triple = 0;
     std::array<int, 3> corner{};
     bool flipped = false;  // The other of the two poses that three points leave.
@@ -94,6 +95,10 @@ struct LedFinder::Search {
   void guess_wide(std::size_t triple, std::size_t j, std::size_t k);
   void guess_by(std::size_t triple, std::size_t j, std::size_t k);
   void keep_guess(const Guess& guess);
+  void narrow(const Guess& guess);
+  bool looked_at(int blob) const;
+  /// The more LEDs there are, the more a guess costs and a search finds.
+  std::int64_t work_most() const;
   /// From guesses to candidates, in `kept`.
   void try_guesses(BlobSpan blobs, bool white_is_any);
   void prepare_corners();
@@ -160,10 +165,15 @@ struct LedFinder::Search {
   FixedVector<LedRival, 8> open;
   std::vector<std::pair<int, int>> twins;  // (blob, brighter blob it may mirror)
   GroupScratch scratch;
-  double guess_worst = 0;    // cost in `guesses`, when full
-  double cos_tilt_most;      // of a guess
-  int most_blobs = 0;        // of what decide() thought best
-  double light_density = 0;  // of usable blobs in the picture, per px^2
+  double guess_worst = 0;  // cost in `guesses`, when full
+  // Where a guess explains nearly all of many LEDs: nothing else is looked at. px,
+  // distortion removed; a radius of 0: everything.
+  Vector2 narrowed_px = Vector2::Zero();
+  double narrowed_radius_px = 0;
+  std::size_t next_seed = 0;  // of the picture before, when the work ran out
+  double cos_tilt_most;       // of a guess
+  int most_blobs = 0;         // of what decide() thought best
+  double light_density = 0;   // of usable blobs in the picture, per px^2
   std::int64_t work = 0;
 };
 

@@ -278,6 +278,45 @@ TEST(LedFinder, RowsOfLampsDoNotHideAFarDrone) {
   EXPECT_GE(found_count, 0.6 * total);
 }
 
+/// A dozen LEDs that no colour tells apart make more triples than there is time for in
+/// one picture; where a scene stands still the next picture's search goes on.
+TEST(LedFinder, ADozenInfraredLedsAmongLampsAreFoundWithinAFewPictures) {
+  int found_count = 0, total = 0;
+  for (unsigned seed = 0; seed < 24; ++seed) {
+    Rng rng(seed);
+    Rig rig = alan_rig();
+    rig.leds.leds.clear();
+    for (int i = 0; i < 12; ++i) {
+      const Vector3 p(rng.uniform(0.02, 0.12), rng.uniform(-0.12, 0.12),
+                      rng.uniform(-0.06, 0.06));
+      rig.leds.leds.push_back({p, LedColor::none});
+    }
+    auto finder = LedFinder::create({}, rig.camera, rig.leds);
+    if (!finder) continue;  // told why: too near each other
+    const Pose X_NB = test::random_pose(rig, rng, 0.5, 1.2);
+    std::vector<Blob> blobs;
+    for (const Led& led : rig.leds.leds) {
+      blobs.push_back(
+          test::blob_at(*project_led(rig.camera, X_NB, led.p_BL), LedColor::none, rng));
+    }
+    for (int i = 0; i < 25; ++i) {
+      blobs.push_back(test::blob_at({rng.uniform(0, 848), rng.uniform(0, 480)},
+                                    LedColor::none, rng));
+    }
+    ++total;
+    bool seen = false;
+    for (int picture = 0; picture < 6 && !seen; ++picture) {
+      const auto found = finder->find(blobs);
+      if (!found) continue;
+      seen = true;
+      EXPECT_FALSE(lost(X_NB, found->fit.X_NB)) << seed;
+    }
+    found_count += seen;
+  }
+  EXPECT_GE(total, 20);
+  EXPECT_GE(found_count, total - 1);
+}
+
 /// The centroid of a light that hangs over the picture's edge is not the light's.
 TEST(LedFinder, UsesNoBlobThatThePicturesEdgeCuts) {
   const Rig rig = alan_rig();
