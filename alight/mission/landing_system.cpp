@@ -28,6 +28,7 @@ constexpr double kLeastUpright = 0.5;  // cosine of the tilt at which thrust sti
 constexpr Seconds kLatestTold = 10;    // a picture still later is no word on the camera
 constexpr Seconds kPosesApart =
     0.015;  // that the autopilot is told; it wants 30 to 50 a second
+constexpr Seconds kWokeLately = 0.5;
 constexpr Seconds kTouchUnsure = 0.15;
 constexpr double kSquareUpMost = 6 * kDegree;  // more would throw it to the side
 // Of the way back to how it stands, as long as its feet touch: they hold it, in part.
@@ -141,6 +142,7 @@ struct LandingSystem::Parts {
   int heading_off = 0;     // telemetry in a row that contradicts it
   Time heading_begun = 0;  // when it began anew
   Time last_pose = std::numeric_limits<Time>::min() / 2;  // told to the autopilot
+  Time slept_from = 0;      // the computer last stood still
   Time first_pose = 0;      // that could have been told to the autopilot,
   bool poses_told = false;  // which it was, or a later one
   Time reckoned = 0;        // when its velocity was told last, unseen
@@ -271,12 +273,21 @@ void LandingSystem::Parts::follow_autopilot(const AutopilotTelemetry& t, Time no
   if (was && !alone) obeys_again();
   if (!alone) return;
   told_alone = t.captured;
-  Setpoint as_it_flies;
-  as_it_flies.kind = Setpoint::Kind::attitude;
-  as_it_flies.q_IB = t.q_IB;
-  const double upright = std::max(t.q_IB.toRotationMatrix()(2, 2), kLeastUpright);
-  as_it_flies.thrust = std::min(1 / (config.response.thrust_to_weight * upright), 1.0);
-  response.sent(as_it_flies, now);
+  const auto holding_height = [&](const Eigen::Quaterniond& q_IB) {
+    Setpoint setpoint;
+    setpoint.kind = Setpoint::Kind::attitude;
+    setpoint.q_IB = q_IB;
+    const double upright = std::max(q_IB.toRotationMatrix()(2, 2), kLeastUpright);
+    setpoint.thrust = std::min(1 / (config.response.thrust_to_weight * upright), 1.0);
+    return setpoint;
+  };
+  // Nor did it do, while the computer stood still, what it had been told last.
+  if (!was && slept_from > 0 && to_seconds(now - sight.woke()) < kWokeLately) {
+    const double heading = yaw_of(t.q_IB.toRotationMatrix());
+    response.sent(holding_height(Eigen::Quaterniond(from_rpy(0, 0, heading))),
+                  slept_from + link.delay());
+  }
+  response.sent(holding_height(t.q_IB), now);
 }
 
 void LandingSystem::Parts::obeys_again() {
@@ -640,6 +651,7 @@ void LandingSystem::step(const Input& input, Output& out, Probe* probe) {
   p.wish = OperatorWish::none;
   p.plan = nullptr;
   p.sight.step(input.now);
+  if (p.sight.woke() == input.now) p.slept_from = p.last_now;
   for (const Event& event : input.events) p.take(event, input.now, out, probe);
 
   p.reckon(input.now);

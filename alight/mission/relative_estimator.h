@@ -252,6 +252,7 @@ class RelativeEstimator {
   bool believable(const FoundLeds& found, Time t);
   /// The drone may have come there since there was no doubt where it was.
   bool within_reach(const Pose& X_NB, Time t) const;
+  bool forgotten_in_flight() const;
   /// The other drone is there.
   bool is_other(const Pose& X_NB, Time t);
   bool leans_as_known(const Matrix3& R_NB) const;

@@ -220,6 +220,11 @@ bool RelativeEstimator::search(const CameraFrame& stored, const MotionSource& mo
     out.why_not = "not yet sure: lights that fit less exactly than LEDs should";
     return false;
   }
+  if (forgotten_in_flight() && !beyond_doubt(found)) {
+    confirmations_ = 0;
+    out.why_not = "too few LEDs to be sure after so long";
+    return false;
+  }
   if (is_other(found->fit.X_NB, frame.captured)) {
     confirmations_ = 0;
     out.why_not = "the LEDs of another drone";
@@ -248,6 +253,12 @@ bool RelativeEstimator::search(const CameraFrame& stored, const MotionSource& mo
   }
   go_on_from(*found, frame.captured, out);
   return true;
+}
+
+// It may be anywhere, and four lamps look like four of its LEDs sooner or later.
+bool RelativeEstimator::forgotten_in_flight() const {
+  return config_.reach_m_s > 0 && !filter_.initialized() && !expecting_ &&
+         beyond_doubt_;
 }
 
 bool RelativeEstimator::exact(const FoundLeds& found) const {
