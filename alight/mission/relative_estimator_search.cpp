@@ -182,6 +182,12 @@ bool RelativeEstimator::search(const CameraFrame& stored, const MotionSource& mo
                       static_cast<int>(found->frame.seen.size()), true});
       found = fail(Fault::ambiguous);
     }
+    if (found && found->another && !filter_.initialized() && !expecting_ &&
+        !on_floor_) {
+      confirmations_ = 0;
+      out.why_not = "two drones are in view";
+      return false;
+    }
     if (found && config_.keep_rivals && !filter_.initialized()) {
       open = rivals_of(*found);
       if (!open.empty()) found = fail(Fault::ambiguous);

@@ -178,6 +178,7 @@ Result<DetectResult> detect_once(const Rig& rig, const ImageView& image,
   DetectResult result;
   result.blobs.assign(blobs->begin(), blobs->end());
   result.found = finder->find(*blobs);
+  if (result.found && result.found->another) result.found = fail(Fault::ambiguous);
   return result;
 }
 

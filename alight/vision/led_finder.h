@@ -52,6 +52,7 @@ struct FoundLeds {
   int in_color = 0;            ///< Lights in the colour of their LEDs.
   double score = 0;            ///< -2 log likelihood, against all being stray lights.
   double runner_up_score = 0;  ///< Of the best rival pose.
+  bool another = false;        ///< Other lights look as much like the drone.
 };
 
 /// A pose that one picture could not tell from others, or from chance.

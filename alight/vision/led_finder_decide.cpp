@@ -338,6 +338,21 @@ void LedFinder::Search::polish(BlobSpan blobs, Settled& best) const {
   }
 }
 
+bool LedFinder::Search::holds_another(BlobSpan blobs, const Settled& best) const {
+  const Assignment& own = best.candidate.assignment;
+  return std::any_of(settled.begin(), settled.end(), [&](const Settled& other) {
+    const Assignment& lights = other.candidate.assignment;
+    const bool shares = std::any_of(lights.blob.begin(), lights.blob.end(),
+                                    [&](int j) { return j >= 0 && uses(own, j); });
+    return !shares && lights.blobs >= own.blobs && fits(other) &&
+           log_false_alarms(blobs, other) <= std::log(config.false_alarms_max);
+  });
+}
+
+bool LedFinder::Search::fits(const Settled& s) const {
+  return s.fit.rms_px <= std::max(config.rms_max_px, 3 * image_sd(s.candidate.X_NB));
+}
+
 void LedFinder::Search::leave_open(BlobSpan blobs, const Settled& best) {
   open.clear();
   const bool by_chance =
@@ -382,8 +397,7 @@ Result<FoundLeds> LedFinder::Search::decide(BlobSpan blobs, bool white_is_any, T
   }
   if (best == nullptr) return fail(Fault::too_few_points);
   most_blobs = best->candidate.assignment.blobs;
-  if (best->fit.rms_px >
-          std::max(config.rms_max_px, 3 * image_sd(best->candidate.X_NB)) ||
+  if (!fits(*best) ||
       log_false_alarms(blobs, *best) > std::log(config.false_alarms_max)) {
     challengers.clear();
     leave_open(blobs, Settled(*best));
@@ -439,6 +453,7 @@ Result<FoundLeds> LedFinder::Search::decide(BlobSpan blobs, bool white_is_any, T
   found.fit.chi2 = answer.fit.chi2_place;
   found.fit.rms_px = answer.fit.rms_px;
   found.frame.t = t;
+  found.another = holds_another(blobs, *best);
   const LedImages images = led_images(camera, leds, answer.fit.X_NB);
   const Assignment& used = answer.candidate.assignment;
   found.frame.seen = observations(used, images, blobs, 0.15);

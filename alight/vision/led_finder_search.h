@@ -123,6 +123,7 @@ struct LedFinder::Search {
   /// Expected number of answers as good from lights that have nothing to do with the
   /// drone, as its logarithm.
   double log_false_alarms(BlobSpan blobs, const Settled& best) const;
+  bool fits(const Settled& s) const;
   /// Whether the blobs in use decide the pose to what a filter can start from.
   bool decided(const BlobFit& fit) const;
   /// Remembers what cannot be told apart.
@@ -133,6 +134,9 @@ struct LedFinder::Search {
   /// How much the answer's likelihood exceeds the other's, as -2 log, when how exact
   /// the rig is must be told from the residuals.
   double lead(const Settled& best, const Settled& other) const;
+  /// Whether what has been settled holds a drone of other lights, as complete as the
+  /// answer and no more by chance.
+  bool holds_another(BlobSpan blobs, const Settled& best) const;
   Result<FoundLeds> decide(BlobSpan blobs, bool white_is_any, Time t);
 
   LedFinderConfig config;

@@ -104,6 +104,30 @@ TEST(RelativeEstimator, BeforeACameraAloneWithoutNoiseADroneMayRest) {
   EXPECT_LT((w.report.x.p_NB - rests.translation()).norm(), 0.004);
 }
 
+// Which of them is to land nobody can tell from pictures alone.
+TEST(RelativeEstimator, OfTwoDronesFromTheFirstPictureOnNoneIsTold) {
+  Watch w;
+  const Pose other = make_pose(Matrix3::Identity(), Vector3(-0.9, -0.4, 0.45));
+  for (int k = 0; k < 20; ++k) {
+    w.now += kFrame;
+    w.draw(Watch::sway(w.now));
+    w.add(other);
+    ASSERT_TRUE(w.fuse(w.now));
+    EXPECT_FALSE(w.report.tracked) << k;
+  }
+  w.follow(5);
+  EXPECT_LT(w.position_error(), 0.01);
+  // One that is followed stays the one.
+  for (int k = 0; k < 20; ++k) {
+    w.now += kFrame;
+    w.draw(Watch::sway(w.now));
+    w.add(other);
+    ASSERT_TRUE(w.fuse(w.now));
+    EXPECT_TRUE(w.report.tracked) << k;
+    EXPECT_LT(w.position_error(), 0.01);
+  }
+}
+
 // Pictures that do not come leave the drone to what its autopilot tells.
 TEST(RelativeEstimator, ADroneThatIsNotSeenMovesAsItsAutopilotTells) {
   Watch w(RelativeEstimatorConfig{});

@@ -278,6 +278,36 @@ TEST(LedFinder, RowsOfLampsDoNotHideAFarDrone) {
   EXPECT_GE(found_count, 0.6 * total);
 }
 
+TEST(LedFinder, TellsWhenTheLightsOfTwoDronesAreInThePicture) {
+  const Rig rig = alan_rig();
+  auto finder = LedFinder::create({}, rig.camera, rig.leds);
+  ASSERT_TRUE(finder);
+  int pairs = 0, said = 0, alone = 0, said_alone = 0;
+  for (unsigned seed = 0; seed < 200; ++seed) {
+    Rng rng(seed);
+    const Pose one = test::random_pose(rig, rng, 0.6, 2),
+               two = test::random_pose(rig, rng, 0.6, 2);
+    std::vector<Blob> blobs = test::blobs_of(rig, one, rng);
+    const std::vector<Blob> others = test::blobs_of(rig, two, rng);
+    const auto single = finder->find(blobs);
+    alone += single.has_value();
+    said_alone += single && single->another;
+    const auto uv_one = project_led(rig.camera, one, rig.leds.p_BL(2)),
+               uv_two = project_led(rig.camera, two, rig.leds.p_BL(2));
+    if (blobs.size() != 6 || others.size() != 6 || (*uv_one - *uv_two).norm() < 200) {
+      continue;
+    }
+    blobs.insert(blobs.end(), others.begin(), others.end());
+    ++pairs;
+    const auto found = finder->find(blobs);
+    said += !found || found->another;
+  }
+  EXPECT_GE(pairs, 20);
+  EXPECT_GE(said, 0.95 * pairs);
+  EXPECT_GE(alone, 150);
+  EXPECT_EQ(said_alone, 0);
+}
+
 /// A dozen LEDs that no colour tells apart make more triples than there is time for in
 /// one picture; where a scene stands still the next picture's search goes on.
 TEST(LedFinder, ADozenInfraredLedsAmongLampsAreFoundWithinAFewPictures) {
