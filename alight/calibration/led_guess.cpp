@@ -4,6 +4,7 @@
 #include <Eigen/SVD>
 #include <algorithm>
 #include <bit>
+#include <cassert>
 #include <cmath>
 #include <limits>
 #include <set>
@@ -21,6 +22,7 @@ constexpr int kNeighbours = 5;     // of an LED, that it may be mistaken for
 constexpr int kStretches = 6;      // that are looked into
 constexpr double kDepthMin = 0.1;  // px that the third dimension moves lights by
 constexpr double kOutlierCost = 25;
+constexpr double kCostMost = 4;   // of each number that was measured
 constexpr double kNoisePx = 0.1;  // beyond the blobs' own
 constexpr double kNever = std::numeric_limits<double>::infinity();
 
@@ -92,6 +94,14 @@ std::vector<Stretch> stretches(const std::vector<const LightTrack*>& tracks,
   return best;
 }
 
+/// Sum of squares by which `found` misses `meant` when it is laid over it, m^2.
+double laid_over(const Eigen::Matrix3Xd& found, const Eigen::Matrix3Xd& meant) {
+  const Eigen::Matrix4d lay = Eigen::umeyama(found, meant, false);
+  return ((lay.topLeftCorner<3, 3>() * found).colwise() + lay.topRightCorner<3, 1>() -
+          meant)
+      .squaredNorm();
+}
+
 /// Names of a stretch's lights: which LED each is, then the LEDs that are none of them.
 using Names = std::vector<int>;
 
@@ -152,10 +162,7 @@ class Namer {
       found.col(i) = leds.p_BL(was[static_cast<std::size_t>(i)]);
       meant.col(i) = written_.p_BL(names[static_cast<std::size_t>(i)]);
     }
-    const Eigen::Matrix4d lay = Eigen::umeyama(found, meant, false);
-    return ((lay.topLeftCorner<3, 3>() * found).colwise() + lay.topRightCorner<3, 1>() -
-            meant)
-        .squaredNorm();
+    return laid_over(found, meant);
   }
 
   double cost(const Names& names, Constellation* leds) const {
@@ -330,6 +337,33 @@ bool may_be_led(const LightTrack& track, const Constellation& written) {
                                     [](const auto& s) { return s.taken_for >= 0; }));
 }
 
+/// All of its lights move as those of one body. A lamp beside the drone does not.
+bool holds_together(const LedGuess& guess) {
+  const int numbers = 2 * guess.lights * std::min(kPicturesUsed, guess.pictures);
+  return guess.cost < kCostMost * numbers;
+}
+
+/// The guess from a stretch, or from what is left without one of its lights.
+Result<LedGuess> guess_without_lamp(const LedAdjustmentConfig& config,
+                                    const Camera& camera, const Constellation& written,
+                                    const Stretch& stretch, int lights_min) {
+  const auto all = guess_from(config, camera, written, stretch);
+  if (all && holds_together(*all)) return all;
+  Result<LedGuess> best = fail(Fault::too_few_points);
+  const bool spare = static_cast<int>(stretch.lights.size()) > lights_min;
+  for (std::size_t lamp = 0; spare && lamp < stretch.lights.size(); ++lamp) {
+    Stretch rest = stretch;
+    rest.lights.erase(rest.lights.begin() + static_cast<std::ptrdiff_t>(lamp));
+    rest.depth_px = depth_shown(rest);
+    if (rest.depth_px <= kDepthMin) continue;
+    const auto guess = guess_from(config, camera, written, rest);
+    if (guess && holds_together(*guess) && (!best || guess->cost < best->cost)) {
+      best = guess;
+    }
+  }
+  return best;
+}
+
 /// A light that is missing may have run together with another through it all.
 bool better(const LedGuess& a, const LedGuess& b) {
   return a.lights != b.lights ? a.lights > b.lights : a.margin > b.margin;
@@ -345,12 +379,47 @@ Result<LedGuess> guess_leds(const LedAdjustmentConfig& config, const Camera& cam
   for (const LightTrack& t : tracks) {
     if (may_be_led(t, written)) in_color.push_back(&t);
   }
-  for (const Stretch& stretch :
-       stretches(in_color, std::min(kLightsMin, written.size()))) {
-    const auto guess = guess_from(config, camera, written, stretch);
+  const int lights_min = std::min(kLightsMin, written.size());
+  for (const Stretch& stretch : stretches(in_color, lights_min)) {
+    const auto guess = guess_without_lamp(config, camera, written, stretch, lights_min);
     if (guess && (!best || better(*guess, *best))) best = guess;
   }
   return best;
+}
+
+Constellation named_nearest(const Constellation& found, const Constellation& written) {
+  assert(found.size() == written.size());
+  const auto n = static_cast<Eigen::Index>(written.size());
+  Eigen::Matrix3Xd at(3, n), meant(3, n);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    at.col(i) = found.p_BL(static_cast<int>(i));
+    meant.col(i) = written.p_BL(static_cast<int>(i));
+  }
+  double least = laid_over(at, meant);
+  for (;;) {
+    Eigen::Index a = 0, b = 0;
+    for (Eigen::Index i = 0; i < n; ++i) {
+      for (Eigen::Index j = i + 1; j < n; ++j) {
+        if (written.color(static_cast<int>(i)) != written.color(static_cast<int>(j))) {
+          continue;
+        }
+        Eigen::Matrix3Xd swapped = at;
+        swapped.col(i).swap(swapped.col(j));
+        const double misses = laid_over(swapped, meant);
+        if (misses >= least) continue;
+        least = misses;
+        a = i;
+        b = j;
+      }
+    }
+    if (a == b) break;
+    at.col(a).swap(at.col(b));
+  }
+  Constellation out = found;
+  for (Eigen::Index i = 0; i < n; ++i) {
+    out.leds[static_cast<std::size_t>(i)].p_BL = at.col(i);
+  }
+  return out;
 }
 
 }  // namespace alight

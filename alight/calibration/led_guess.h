@@ -27,4 +27,8 @@ Result<LedGuess> guess_leds(const LedAdjustmentConfig& config, const Camera& cam
                             const Constellation& written,
                             std::span<const LightTrack> tracks);
 
+/// `found` with those LEDs of one colour renamed that so lie nearer to the written ones
+/// when it is laid over them. Lights without a colour have no other names.
+Constellation named_nearest(const Constellation& found, const Constellation& written);
+
 }  // namespace alight

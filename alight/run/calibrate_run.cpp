@@ -123,6 +123,13 @@ Result<StandingView> tag_view(const CalibrateMountOptions& options,
   return view;
 }
 
+bool same(const Constellation& a, const Constellation& b) {
+  for (int i = 0; i < a.size(); ++i) {
+    if (a.p_BL(i) != b.p_BL(i)) return false;
+  }
+  return true;
+}
+
 Result<std::vector<StandingView>> parked_views(const CalibrateMountOptions& options,
                                                CalibrateMountResult& result) {
   std::vector<StandingView> views;
@@ -167,7 +174,7 @@ Result<CalibrateFlightResult> calibrate_flight(const CalibrateFlightOptions& opt
       const auto guess = guess_leds(options.config.adjustment, rig.camera, rig.leds,
                                     observer->tracks());
       if (guess) {
-        rig.leds = guess->leds;
+        rig.leds = named_nearest(guess->leds, options.rig.leds);
         if (guess->lights == rig.leds.size()) {
           observing.led_sd_m = std::min(observing.led_sd_m, kLedSdLaterPass);
         }
@@ -185,7 +192,16 @@ Result<CalibrateFlightResult> calibrate_flight(const CalibrateFlightOptions& opt
                                          ? fit.error().detail
                                          : options.source + ": " + fit.error().detail);
     }
-    if (fit && (!found || fit->observations >= kSeesAsMuch * result.fit.observations)) {
+    const bool misnamed =
+        fit && !same(named_nearest(fit->leds, options.rig.leds), fit->leds);
+    if (misnamed && last && !found) {
+      return fail(Fault::degenerate,
+                  options.source +
+                      ": LEDs were taken for each other: they are off by as much as "
+                      "they stand apart; measure them once more, or give them colours");
+    }
+    if (fit && !misnamed &&
+        (!found || fit->observations >= kSeesAsMuch * result.fit.observations)) {
       found = true;
       result.fit = *fit;
       result.rig.leds = fit->leds;
@@ -199,7 +215,7 @@ Result<CalibrateFlightResult> calibrate_flight(const CalibrateFlightOptions& opt
     lenient.alone_min = 0;
     const auto next = fit ? fit : fit_with(lenient);
     if (next) {
-      rig.leds = next->leds;
+      rig.leds = named_nearest(next->leds, options.rig.leds);
       observing.led_sd_m = std::min(observing.led_sd_m, kLedSdLaterPass);
     }
   }

@@ -84,6 +84,67 @@ TEST(LedGuess, ALightOfAnotherColourIsNone) {
   EXPECT_EQ(guess->lights, 6);
 }
 
+// Where no colour tells, a lamp beside the drone is followed as its lights are.
+TEST(LedGuess, ALampThatIsFollowedBesideTheDroneIsNone) {
+  int right = 0;
+  constexpr int kRigs = 10;
+  for (std::uint64_t seed = 1; seed <= kRigs; ++seed) {
+    Rng rng(seed);
+    Rig truth = drawn_rig(0.004, rng);
+    Constellation written = alan_rig().leds;
+    for (Led& led : truth.leds.leds) led.color = LedColor::none;
+    for (Led& led : written.leds) led.color = LedColor::none;
+    auto tracks = followed(truth, 0.05, rng);
+    // One LED was not followed; the lamp stands still beside the others.
+    LightTrack& lamp = tracks[seed % tracks.size()];
+    const Vector2 beside = lamp.seen[0].uv + Vector2(15, 10);
+    for (auto& sight : lamp.seen) {
+      sight.uv = beside + Vector2(rng.normal(0, 0.05), rng.normal(0, 0.05));
+    }
+    LedAdjustmentConfig config;
+    config.distances = {
+        {0, 5, (truth.leds.p_BL(0) - truth.leds.p_BL(5)).norm(), 0.0002}};
+    const auto guess = guess_leds(config, truth.camera, written, tracks);
+    if (!guess) continue;
+    EXPECT_EQ(guess->lights, 5) << seed;
+    ++right;
+  }
+  EXPECT_GE(right, kRigs - 1);
+}
+
+TEST(NamedNearest, GivesExchangedLedsTheirNamesAndLeavesOthersAlone) {
+  for (std::uint64_t seed = 1; seed <= 50; ++seed) {
+    Rng rng(seed);
+    Constellation written = alan_rig().leds;
+    Constellation found = drawn_rig(0.003, rng).leds;
+    for (int i = 0; i < written.size(); ++i) {
+      written.leds[static_cast<std::size_t>(i)].color = LedColor::none;
+      found.leds[static_cast<std::size_t>(i)].color = LedColor::none;
+    }
+    const Constellation right = named_nearest(found, written);
+    // Laid somewhere else, and under other names.
+    Constellation moved = found;
+    const Pose X = make_pose(from_rpy(0.4, -0.3, 1), Vector3(0.1, 0.2, -0.1));
+    for (Led& led : moved.leds) led.p_BL = X * led.p_BL;
+    std::swap(moved.leds[2].p_BL, moved.leds[4].p_BL);
+    const Constellation named = named_nearest(moved, written);
+    for (int i = 0; i < written.size(); ++i) {
+      EXPECT_LT((named.p_BL(i) - X * right.p_BL(i)).norm(), 1e-9) << seed;
+    }
+  }
+  // A red one is no green one, wherever they are: those of a colour stay the same.
+  Constellation swapped = alan_rig().leds;
+  std::swap(swapped.leds[0].p_BL, swapped.leds[5].p_BL);
+  const Constellation named = named_nearest(swapped, alan_rig().leds);
+  Vector3 before = Vector3::Zero(), after = Vector3::Zero();
+  for (int i = 0; i < swapped.size(); ++i) {
+    if (swapped.color(i) != LedColor::green) continue;
+    before += swapped.p_BL(i);
+    after += named.p_BL(i);
+  }
+  EXPECT_LT((after - before).norm(), 1e-12);
+}
+
 TEST(LedGuess, NothingFollowedGivesNone) {
   const Rig rig = alan_rig();
   EXPECT_FALSE(guess_leds(LedAdjustmentConfig(), rig.camera, rig.leds, {}));
