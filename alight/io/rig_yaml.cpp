@@ -148,7 +148,8 @@ std::string list_text(const double* values, int count) {
 }
 std::string list_text(const Vector3& v) { return list_text(v.data(), 3); }
 
-/// Roll, pitch, yaw of R = Rz Ry Rx in deg.
+/// Roll, pitch, yaw of R = Rz Ry Rx in deg; to 1e-9, so that what was read and is
+/// written again is what was read.
 Vector3 rpy_deg_of(const Matrix3& R) {
   const double level = std::hypot(R(0, 0), R(1, 0));
   Vector3 rpy(0, std::atan2(-R(2, 0), level), 0);
@@ -158,7 +159,7 @@ Vector3 rpy_deg_of(const Matrix3& R) {
   } else {
     rpy[2] = std::atan2(-R(0, 1), R(1, 1));  // straight up or down: roll is free
   }
-  return rpy / kDegree;
+  return (1e9 / kDegree * rpy).array().round() / 1e9;
 }
 
 }  // namespace
