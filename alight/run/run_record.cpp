@@ -152,9 +152,6 @@ Result<std::vector<std::string>> RunRecord::save(const std::string& folder,
   // That of an earlier run would make a folder written in part look whole.
   std::error_code none_there;
   std::filesystem::remove(folder + "/result.json", none_there);
-  for (const char* drive : {"/drive.csv", "/drive.tum"}) {
-    std::filesystem::remove(folder + drive, none_there);
-  }
   const std::pair<const char*, std::string> files[] = {
       {"scenario.yaml", scenario_text(scenario)},
       {"rig.yaml", rig_text(p.options.rig) + safety_text(p.options.safety)},

@@ -39,10 +39,12 @@ Result<void> take_away(const fs::path& path) {
 
 Result<void> begin_source(const std::string& folder) {
   if (auto good = make_folder(folder); !good) return good;
+  const bool ours = find_file(folder + "/rig_true.yaml").has_value();
   for (const char* name : {"frames.csv", "sequence.json", "truth.csv", "truth.tum",
                            "rig.yaml", "rig_true.yaml", "scenario.yaml"}) {
     if (auto good = take_away(fs::path(folder) / name); !good) return good;
   }
+  if (!ours) return {};
   std::error_code code;
   std::vector<fs::path> pictures;
   for (const fs::directory_entry& entry : fs::directory_iterator(folder, code)) {

@@ -15,9 +15,9 @@ namespace fs = std::filesystem;
 TEST(SourceFolder, NothingOfAnEarlierRecordingIsLeftAndNothingElseTouched) {
   const fs::path folder =
       fs::temp_directory_path() / ("alight_source_" + std::to_string(getpid()));
-  const char* ours[] = {"frames.csv",     "sequence.json",    "truth.tum",
-                        "rig.yaml",       "color_000012.png", "depth_000012.png",
-                        "frame_00003.jpg"};
+  const char* ours[] = {"frames.csv",      "sequence.json",    "truth.tum",
+                        "rig.yaml",        "color_000012.png", "depth_000012.png",
+                        "frame_00003.jpg", "rig_true.yaml"};
   const char* others[] = {"color_of_it.png", "notes.txt", "frame_.png", "IMG_0001.jpg",
                           "color_000012.tif"};
   for (const char* name : ours) ASSERT_TRUE(write_file((folder / name).string(), "x"));
@@ -27,6 +27,16 @@ TEST(SourceFolder, NothingOfAnEarlierRecordingIsLeftAndNothingElseTouched) {
   ASSERT_TRUE(begin_source(folder.string()));
   for (const char* name : ours) EXPECT_FALSE(fs::exists(folder / name)) << name;
   for (const char* name : others) EXPECT_TRUE(fs::exists(folder / name)) << name;
+  fs::remove_all(folder);
+}
+
+TEST(SourceFolder, APersonsOwnPicturesAreLeftAlone) {
+  const fs::path folder =
+      fs::temp_directory_path() / ("alight_own_" + std::to_string(getpid()));
+  const char* own[] = {"frame_00003.png", "color_000012.png", "drive.csv"};
+  for (const char* name : own) ASSERT_TRUE(write_file((folder / name).string(), "x"));
+  ASSERT_TRUE(begin_source(folder.string()));
+  for (const char* name : own) EXPECT_TRUE(fs::exists(folder / name)) << name;
   fs::remove_all(folder);
 }
 
