@@ -334,6 +334,30 @@ TEST_F(BadInput, Campaigns) {
   EXPECT_EQ(read_file(other).value_or(""), std::string(5000, 'x'));
 }
 
+/// What did not land is flown again as it was, whatever the files are called.
+TEST_F(BadInput, ScenariosOfOneNameAreReplayedEachByItself) {
+  const std::string one = file("a/calm.yaml", "platform: {kind: still}\n");
+  const std::string two = file("b/calm.yaml", "platform: {kind: straight}\n");
+  std::string command = "campaign --timeout 1 --seeds 1 --no-depth --perfect-rig";
+  command += " --scenario '" + one + "' --out '" + at("kept") + "'";
+  const Ran single = run(command);
+  EXPECT_EQ(single.status, 0) << single.err;
+  EXPECT_NE(single.out.find(at("kept") + "/calm_perfect_rig.yaml"), std::string::npos)
+      << single.out;
+  const Ran both = run(command + " --scenario '" + two + "'");
+  EXPECT_EQ(both.status, 0) << both.err;
+  std::vector<std::string> kept;
+  for (const auto& entry : fs::directory_iterator(at("kept"))) {
+    const std::string name = entry.path().filename().string();
+    if (name.find("calm_perfect_rig.yaml") == std::string::npos) continue;
+    if (name == "calm_perfect_rig.yaml") continue;  // of the first
+    kept.push_back(read_file(entry.path().string()).value());
+    EXPECT_NE(both.out.find(entry.path().string()), std::string::npos) << both.out;
+  }
+  ASSERT_EQ(kept.size(), 2u);
+  EXPECT_NE(kept[0], kept[1]);
+}
+
 TEST_F(BadInput, Pictures) {
   const std::string rig = " --rig '" + good_rig_ + "'";
   const auto both = [&](const std::string& name,
