@@ -53,8 +53,6 @@ Mission::Mission(const MissionConfig& config, const Rig& rig)
       arm_(rig.drone.arm_m),
       pad_half_(0.5 * rig.pad.size_m),
       above_floor_(rig.pad.above_floor_m),
-      reach_(std::sqrt(0.5) * rig.pad.size_m + rig.drone.arm_m +
-             rig.drone.propeller_radius_m),
       from_lens_(level_from_lens(rig)),
       speed_max_(rig.limits.speed_m_s),
       unseen_lifting_(1e-3 * rig.timing.frame_to_use_ms + 2.5 / rig.timing.rate_hz),

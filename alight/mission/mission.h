@@ -201,7 +201,6 @@ class Mission {
   double arm_;
   double pad_half_;
   double above_floor_;  // the pad, m
-  double reach_;        // level, of drone and pad together, m
   Vector3 from_lens_;
   double speed_max_;        // the drone's, m/s
   Seconds unseen_lifting_;  // at take-off: two pictures are missing

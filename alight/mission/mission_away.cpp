@@ -18,9 +18,8 @@ constexpr double kStopped = 0.15;
 constexpr Seconds kStopIn = 0.4;
 // The platform drives on for so long, s, away from a drone that lands by itself.
 constexpr Seconds kOutOfTheWay = 3;
-// So soon an autopilot that is left alone sinks, s, and so fast, m/s: at its landing
-// speed, and what its estimate is off.
-constexpr Seconds kSinksAfter = 0.2;
+// So fast an autopilot that is left alone sinks, m/s: at its landing speed, and what
+// its estimate is off.
 constexpr double kSinks = 0.6;
 // m/s; slower than this share of what it drove as the landing began, it has stopped.
 constexpr double kDrives = 0.2, kStoppedShare = 0.3;
@@ -51,11 +50,10 @@ constexpr Seconds kShortSearch = 0.9;
 // The wind is known after so long a flight that is seen or told of, s. A blind
 // autopilot keeps level and is blown off, 2 m and more until it is down: it is left
 // moving against that, m/s at most, to come down about where it was left. How soon it
-// sinks, and how fast, m/s, at the least: the longer it takes, the farther blown.
+// sinks, s.
 constexpr Seconds kWindLearntIn = 1.5;
 constexpr double kAgainstWindMost = 0.8;
 constexpr Seconds kBlindSinksAfter = 0.5;
-constexpr double kSinksLeast = 0.42;
 
 // A drone that is not seen may be lower than predicted by a tenth of a m/s that its
 // last pictures had not told yet and by thrust that is not known to 5 %: twice that,
@@ -206,18 +204,19 @@ void Mission::choose_leave_place(const MissionInput& in) {
 bool Mission::would_meet(const MissionInput& in) const {
   if (!in.estimate_valid) return false;
   const RelativeState& x = in.x;
-  const Seconds down = kSinksAfter + std::max(0.0, x.p_NB.z() - gear_height_) / kSinks;
+  const Seconds down =
+      WayDown::kSinksAfter + std::max(0.0, x.p_NB.z() - gear_height_) / kSinks;
   const Vector3 v_IB_N = inertial_velocity_N(in.platform, x.p_NB, x.v_NB);
   const Vector3 where =
       x.p_NB + braking(WayDown::kBrakes, down) * v_IB_N - down * in.platform.v_IN_N;
-  return horizontal(where) < reach_ + kUnsure;
+  return horizontal(where) < way_down_.reach() + kUnsure;
 }
 
 Vector3 Mission::left_with_over_ground(const MissionInput& in) const {
   const bool wind_known = to_seconds(in.motion_known - lifted_at_) >= kWindLearntIn;
   if (!wind_known || !dark(in.blindness)) return Vector3::Zero();
   const double height = std::max(0.0, in.x.p_NB.z() + above_floor_ - gear_height_);
-  const Seconds blown = kBlindSinksAfter + height / kSinksLeast;
+  const Seconds blown = kBlindSinksAfter + height / WayDown::kSinksLeast;
   Vector3 v_N = -0.5 * blown * in.push_N;
   v_N.z() = 0;
   return std::min(1.0, kAgainstWindMost / (v_N.norm() + 1e-6)) * v_N;

@@ -283,10 +283,11 @@ bool RelativeEstimator::fuse(const CameraFrame& given, const MotionSource& motio
   // A camera without noise sees the same again and again while nothing moves.
   const bool flies = config_.told_when_it_rests ? !expecting_ && !on_floor_ : moves();
   frozen_ = repeats_ && (flies || noisy_);
+  const bool held = frozen_ && config_.coast_s <= 0;
   if (filter_.initialized()) {
     const ProbeScope scope(probe, Stage::filter);
     // What is no sight leaves the filter to what the autopilot tells, if it does.
-    if (!frozen_ || config_.coast_s > 0) advance(frame.captured, motion);
+    if (!held) advance(frame.captured, motion);
     if (to_seconds(frame.captured - last_sight_) > config_.forget_after_s) {
       filter_.stop();
     }
@@ -343,7 +344,7 @@ bool RelativeEstimator::fuse(const CameraFrame& given, const MotionSource& motio
     out.tracked = false;
     out.why_not = "two poses explain the pictures";
   }
-  if (filter_.initialized() && (!frozen_ || config_.coast_s > 0)) report_state(out);
+  if (filter_.initialized() && !held) report_state(out);
   // A drone that stands where it is known to stand tells more of its rig than that.
   // The first pictures' noise looks like LEDs that are off.
   const bool off = filter_.led_sd_seen_m() > config_.learn_leds_from_m;

@@ -9,8 +9,6 @@
 namespace alight {
 namespace {
 
-constexpr Seconds kSinksAfter = 0.2;
-constexpr double kSinks = 0.42;      // m/s: the longer it takes, the farther blown
 constexpr Seconds kOnFloor = 2;      // the platform is looked at for so long after it
 constexpr Seconds kSlides = 0.6;     // light on its feet, until its motors stop
 constexpr double kRoomBeside = 0.1;  // m, from the pad's corner to a rotor
@@ -48,7 +46,7 @@ WayDown::WayDown(const Rig& rig)
 double WayDown::nearest(const LeftDrone& drone, const PlatformState& platform,
                         Seconds brakes_in) const {
   const double height = std::max(0.0, drone.p_NB.z() + above_floor_ - gear_height_);
-  const Seconds down = kSinksAfter + height / kSinks;
+  const Seconds down = kSinksAfter + height / kSinksLeast;
   double nearest = outline_.off(drone.p_NB);
   for (int k = 1; k <= kInstants; ++k) {
     const Seconds t = k * (down + kOnFloor) / kInstants;

@@ -26,6 +26,10 @@ class WayDown {
   /// How such an autopilot comes to rest over the ground (PX4: MPC_XY_VEL_P_ACC of
   /// 1.8/s), s.
   static constexpr Seconds kBrakes = 0.55;
+  /// And comes down: after so long, s, so fast at the least, m/s; the longer it takes,
+  /// the farther it is blown.
+  static constexpr Seconds kSinksAfter = 0.2;
+  static constexpr double kSinksLeast = 0.42;
 
   explicit WayDown(const Rig& rig);
 
@@ -41,6 +45,9 @@ class WayDown {
   /// and in more.
   bool clear(const LeftDrone& drone, const PlatformState& platform) const;
 
+  /// Level, of drone and pad together, m.
+  double reach() const { return reach_; }
+
   /// Places in N to leave a drone at, in sight and beside the platform: `first`, and
   /// others around it.
   Places places(const Vector3& first) const;
@@ -50,7 +57,7 @@ class WayDown {
   Constellation leds_;
   PlatformOutline outline_;
   double gear_height_, above_floor_;  // m
-  double reach_;                      // level, of drone and pad together, m
+  double reach_;
 };
 
 /// Displacement, as a time at the first speed, of what brakes with time constant `tau`.

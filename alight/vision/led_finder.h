@@ -39,7 +39,8 @@ struct LedFinderConfig {
   /// Accept only if fewer answers as good are expected by chance of lights that have
   /// nothing to do with the drone.
   double false_alarms_max = 0.1;
-  int work_max = 200000;     ///< Bound on the work for one picture, about 10 ns each.
+  int work_max = 200000;     ///< Bound on the work for one picture, 10 to 30 ns each;
+                             ///< of more than six LEDs so much more of it.
   double mad_limit_m = 0.1;  ///< paper: lambda_MAD of eqn:RSE_mad.
 
   Result<void> validate() const;

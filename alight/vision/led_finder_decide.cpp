@@ -345,8 +345,12 @@ bool LedFinder::Search::holds_another(BlobSpan blobs, const Settled& best) const
     const bool shares = std::any_of(lights.blob.begin(), lights.blob.end(),
                                     [&](int j) { return j >= 0 && uses(own, j); });
     return !shares && lights.blobs >= own.blobs && fits(other) &&
-           log_false_alarms(blobs, other) <= std::log(config.false_alarms_max);
+           !by_chance(blobs, other);
   });
+}
+
+bool LedFinder::Search::by_chance(BlobSpan blobs, const Settled& s) const {
+  return log_false_alarms(blobs, s) > std::log(config.false_alarms_max);
 }
 
 bool LedFinder::Search::fits(const Settled& s) const {
@@ -355,8 +359,7 @@ bool LedFinder::Search::fits(const Settled& s) const {
 
 void LedFinder::Search::leave_open(BlobSpan blobs, const Settled& best) {
   open.clear();
-  const bool by_chance =
-      log_false_alarms(blobs, best) > std::log(config.false_alarms_max);
+  const bool lamps = by_chance(blobs, best);
   const auto add = [&](const Settled& s) {
     if (lead(best, s) > 4 * config.runner_up_margin) return;
     for (const LedRival& other : open) {
@@ -364,8 +367,7 @@ void LedFinder::Search::leave_open(BlobSpan blobs, const Settled& best) {
     }
     const auto ldlt = s.fit.information.ldlt();
     if (!(ldlt.vectorD().minCoeff() > 0)) return;
-    open.push_back(
-        {s.fit.X_NB, inverse_of(ldlt), s.candidate.assignment.blobs, by_chance});
+    open.push_back({s.fit.X_NB, inverse_of(ldlt), s.candidate.assignment.blobs, lamps});
   };
   add(best);
   std::sort(settled.begin(), settled.end(), [](const Settled& a, const Settled& b) {
@@ -397,8 +399,7 @@ Result<FoundLeds> LedFinder::Search::decide(BlobSpan blobs, bool white_is_any, T
   }
   if (best == nullptr) return fail(Fault::too_few_points);
   most_blobs = best->candidate.assignment.blobs;
-  if (!fits(*best) ||
-      log_false_alarms(blobs, *best) > std::log(config.false_alarms_max)) {
+  if (!fits(*best) || by_chance(blobs, *best)) {
     challengers.clear();
     leave_open(blobs, Settled(*best));
     return fail(Fault::too_few_points);

@@ -124,6 +124,8 @@ struct LedFinder::Search {
   /// drone, as its logarithm.
   double log_false_alarms(BlobSpan blobs, const Settled& best) const;
   bool fits(const Settled& s) const;
+  /// Lights that have nothing to do with the drone may look so.
+  bool by_chance(BlobSpan blobs, const Settled& s) const;
   /// Whether the blobs in use decide the pose to what a filter can start from.
   bool decided(const BlobFit& fit) const;
   /// Remembers what cannot be told apart.

@@ -4,8 +4,8 @@
 
 #include "alight/base/fixed_vector.h"
 #include "alight/geometry/image.h"
+#include "alight/geometry/led_frame.h"
 #include "alight/geometry/pose.h"
-#include "alight/geometry/rig.h"
 
 namespace alight {
 

@@ -31,6 +31,10 @@ std::vector<LightTrack> followed(const Rig& truth, double sd_px, Rng& rng) {
   return tracks;
 }
 
+void without_colors(Constellation& leds) {
+  for (Led& led : leds.leds) led.color = LedColor::none;
+}
+
 /// Largest error of a distance between two LEDs: the shape, whatever its place.
 double shape_error(const Constellation& a, const Constellation& b) {
   double most = 0;
@@ -52,8 +56,8 @@ TEST(LedGuess, ErrorsThatConfuseSinglePicturesDoNotConfuseAFlight) {
       Rig truth = drawn_rig(0.006, rng);
       Constellation written = alan_rig().leds;
       if (!colored) {
-        for (Led& led : truth.leds.leds) led.color = LedColor::none;
-        for (Led& led : written.leds) led.color = LedColor::none;
+        without_colors(truth.leds);
+        without_colors(written);
       }
       LedAdjustmentConfig config;
       const double known = (truth.leds.p_BL(0) - truth.leds.p_BL(5)).norm();
@@ -92,8 +96,8 @@ TEST(LedGuess, ALampThatIsFollowedBesideTheDroneIsNone) {
     Rng rng(seed);
     Rig truth = drawn_rig(0.004, rng);
     Constellation written = alan_rig().leds;
-    for (Led& led : truth.leds.leds) led.color = LedColor::none;
-    for (Led& led : written.leds) led.color = LedColor::none;
+    without_colors(truth.leds);
+    without_colors(written);
     auto tracks = followed(truth, 0.05, rng);
     // One LED was not followed; the lamp stands still beside the others.
     LightTrack& lamp = tracks[seed % tracks.size()];
@@ -117,10 +121,8 @@ TEST(NamedNearest, GivesExchangedLedsTheirNamesAndLeavesOthersAlone) {
     Rng rng(seed);
     Constellation written = alan_rig().leds;
     Constellation found = drawn_rig(0.003, rng).leds;
-    for (int i = 0; i < written.size(); ++i) {
-      written.leds[static_cast<std::size_t>(i)].color = LedColor::none;
-      found.leds[static_cast<std::size_t>(i)].color = LedColor::none;
-    }
+    without_colors(written);
+    without_colors(found);
     const Constellation right = named_nearest(found, written);
     // Laid somewhere else, and under other names.
     Constellation moved = found;

@@ -108,21 +108,21 @@ TEST(RelativeEstimator, BeforeACameraAloneWithoutNoiseADroneMayRest) {
 TEST(RelativeEstimator, OfTwoDronesFromTheFirstPictureOnNoneIsTold) {
   Watch w;
   const Pose other = make_pose(Matrix3::Identity(), Vector3(-0.9, -0.4, 0.45));
-  for (int k = 0; k < 20; ++k) {
+  const auto see_both = [&] {
     w.now += kFrame;
     w.draw(Watch::sway(w.now));
     w.add(other);
-    ASSERT_TRUE(w.fuse(w.now));
+    return w.fuse(w.now);
+  };
+  for (int k = 0; k < 20; ++k) {
+    ASSERT_TRUE(see_both());
     EXPECT_FALSE(w.report.tracked) << k;
   }
   w.follow(5);
   EXPECT_LT(w.position_error(), 0.01);
   // One that is followed stays the one.
   for (int k = 0; k < 20; ++k) {
-    w.now += kFrame;
-    w.draw(Watch::sway(w.now));
-    w.add(other);
-    ASSERT_TRUE(w.fuse(w.now));
+    ASSERT_TRUE(see_both());
     EXPECT_TRUE(w.report.tracked) << k;
     EXPECT_LT(w.position_error(), 0.01);
   }
