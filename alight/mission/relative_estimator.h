@@ -229,6 +229,12 @@ class RelativeEstimator {
   Result<FoundLeds> better(const Result<FoundLeds>& bright,
                            const Result<FoundLeds>& dim) const;
   using Rivals = FixedVector<LedRival, RivalPoses::kMost>;
+  /// In a whole picture, from what stands out in it, `blobs`, to what takes more
+  /// looking.
+  /// @param blobs  Replaced by the lights as they are known in the end.
+  /// @param open   Left open where nothing is found.
+  Result<FoundLeds> find_anywhere(const CameraFrame& frame, bool at_rest,
+                                  BlobSpan& blobs, Rivals& open);
   /// Poses by which so few LEDs, placed by their pixels, may be others of their
   /// colours, the one found among them; empty if it stands alone. One that fits far
   /// better takes its place.

@@ -27,9 +27,10 @@ constexpr std::size_t kNoLamps = 6;
 // pose that explains more: then, after twice as many, and so on, at last after every so
 // many.
 constexpr unsigned kDoubtAfter = 4, kDoubtEvery = 256;
-constexpr double kRestReach = 4;  // sd of its place, from where it is expected
-constexpr int kRestLeds = 4;      // of a drone at rest that do to start with
-constexpr double kReachSds = 3;   // Where nobody tells how it moves it may be far off.
+constexpr std::size_t kHandful = 12;  // Lights: to look thoroughly takes no time.
+constexpr double kRestReach = 4;      // sd of its place, from where it is expected
+constexpr int kRestLeds = 4;          // of a drone at rest that do to start with
+constexpr double kReachSds = 3;  // Where nobody tells how it moves it may be far off.
 // Another drone is the same from picture to picture; one that leans as it should is
 // not.
 constexpr double kOtherWithin = 0.3, kOtherTurns = 12 * kDegree;
@@ -109,32 +110,8 @@ bool RelativeEstimator::search(const CameraFrame& stored, const MotionSource& mo
     const bool at_rest = expecting_ && !filter_.initialized();
     if (at_rest && start_at_rest(*blobs, frame.captured, leds_.size(), out))
       return true;
-    const auto find_in = [&](BlobSpan lights) {
-      auto in = finder_.find(lights, frame.captured);
-      if (in && config_.tell_apart) place_by_pixels(frame, lights, *in);
-      return in;
-    };
-    found = find_in(*blobs);
-    if (!beyond_doubt(found) && config_.blobs.dim_threshold > 0) {
-      // LEDs may be too dim to stand out as what is bright does.
-      apart_.assign(blobs->begin(), blobs->end());
-      const auto dim =
-          detector_.detect(frame.color, frame.depth, {}, BlobDetector::LookFor::dim);
-      if (dim) {
-        take_apart(*dim, apart_);
-        blobs = BlobSpan(apart_.data(), apart_.size());
-        found = better(found, find_in(*blobs));
-      } else {
-        blobs = detector_.detect(frame.color, frame.depth);
-      }
-    }
-    if (config_.tell_apart && !at_rest && !beyond_doubt(found)) {
-      // LEDs that run together are as many lights, and a light of its own is one LED.
-      if (blobs->data() != apart_.data()) apart_.assign(blobs->begin(), blobs->end());
-      const int more = fit_lights(frame.color, resolver_.spread(), detector_, apart_);
-      blobs = BlobSpan(apart_.data(), apart_.size());
-      if (more > 0) found = better(found, find_in(*blobs));
-    }
+    Rivals open;
+    found = find_anywhere(frame, at_rest, *blobs, open);
     // Near the lens LEDs that are off fit no better where they are than moved on by
     // one: of a drone that stands where it should, the way it stands tells which is
     // which.
@@ -168,10 +145,7 @@ bool RelativeEstimator::search(const CameraFrame& stored, const MotionSource& mo
         found = expected;
       }
     }
-    Rivals open;
-    for (const LedRival& rival : finder_.left_open()) {
-      if (!found && open.size() < Rivals::capacity()) open.push_back(rival);
-    }
+    if (found) open.clear();
     // Lamps in a row look like white LEDs that are somewhat off, picture after picture.
     // A drone at rest where it is known to stand does not move either. Six that fit
     // exactly are not somewhat off.
@@ -259,6 +233,56 @@ bool RelativeEstimator::search(const CameraFrame& stored, const MotionSource& mo
   }
   go_on_from(*found, frame.captured, out);
   return true;
+}
+
+Result<FoundLeds> RelativeEstimator::find_anywhere(const CameraFrame& frame,
+                                                   bool at_rest, BlobSpan& blobs,
+                                                   Rivals& open) {
+  using Look = LedFinder::Look;
+  const bool dims = config_.blobs.dim_threshold > 0;
+  const bool takes_apart = config_.tell_apart && !at_rest;
+  const auto find_in = [&](BlobSpan lights, Look look) {
+    auto found = finder_.find(lights, frame.captured, look);
+    if (found && config_.tell_apart) place_by_pixels(frame, lights, *found);
+    return found;
+  };
+  // A thorough search of many lights takes as long as all the rest: only what is known
+  // of them in the end is searched so, and of few what was known before.
+  FixedVector<FixedVector<Blob, kHandful>, 2> before;
+  const auto take_for_now = [&](BlobSpan lights) {
+    if (lights.size() > kHandful) return;
+    before.push_back({});
+    before.back().assign(lights.begin(), lights.end());
+  };
+  auto found = find_in(blobs, dims || takes_apart ? Look::glance : Look::thorough);
+  if (beyond_doubt(found) || !(dims || takes_apart)) return found;
+  take_for_now(blobs);
+  apart_.assign(blobs.begin(), blobs.end());
+  if (dims) {
+    // LEDs may be too dim to stand out as what is bright does.
+    const auto dim =
+        detector_.detect(frame.color, frame.depth, {}, BlobDetector::LookFor::dim);
+    if (dim) take_apart(*dim, apart_);
+    blobs = BlobSpan(apart_.data(), apart_.size());
+    found = better(found, find_in(blobs, takes_apart ? Look::glance : Look::thorough));
+    if (beyond_doubt(found)) return found;
+    if (takes_apart) take_for_now(blobs);
+  }
+  if (takes_apart) {
+    // LEDs that run together are as many lights, and a light of its own is one LED.
+    fit_lights(frame.color, resolver_.spread(), detector_, apart_);
+    blobs = BlobSpan(apart_.data(), apart_.size());
+    found = better(found, find_in(blobs, Look::thorough));
+  }
+  for (const LedRival& rival : finder_.left_open()) {
+    if (!open.push_back(rival)) break;
+  }
+  for (const auto& lights : before) {
+    if (beyond_doubt(found)) break;
+    auto then = find_in({lights.data(), lights.size()}, Look::thorough);
+    found = beyond_doubt(then) ? then : better(then, found);
+  }
+  return found;
 }
 
 // It may be anywhere, and four lamps look like four of its LEDs sooner or later.

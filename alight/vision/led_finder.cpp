@@ -58,11 +58,11 @@ void LedFinder::set_rig(const Camera& camera, const Constellation& leds,
   search_->prepare_corners();
 }
 
-Result<FoundLeds> LedFinder::find(BlobSpan blobs, Time t) {
+Result<FoundLeds> LedFinder::find(BlobSpan blobs, Time t, Look look) {
   search_->open.clear();
   return search_->config.profile == LedFinderConfig::Profile::paper
              ? search_->find_paper(blobs, t)
-             : search_->find_standard(blobs, t);
+             : search_->find_standard(blobs, t, look);
 }
 
 bool LedFinder::plausible(const Pose& X_NB) const { return search_->plausible(X_NB); }
@@ -129,10 +129,9 @@ double LedFinder::Search::image_sd(const Pose& X_NB) const {
                     config.led_sd_m * camera.intrinsics.fx / range);
 }
 
-Result<FoundLeds> LedFinder::Search::find_standard(BlobSpan blobs, Time t) {
+Result<FoundLeds> LedFinder::Search::find_standard(BlobSpan blobs, Time t, Look look) {
   Result<FoundLeds> found = fail(Fault::too_few_points);
   split_long(blobs);
-  work = 0;
   const BlobSpan parts(split);
   // Washed-out LEDs look white, and so do lamps: they are let in only when the lights
   // of a true colour do not do.
@@ -141,9 +140,10 @@ Result<FoundLeds> LedFinder::Search::find_standard(BlobSpan blobs, Time t) {
         return b.color == LedColor::white;
       });
   for (const bool white_is_any : {false, true}) {
-    if (white_is_any && !any_white) break;
+    if (white_is_any && (!any_white || look == Look::glance)) break;
+    work = 0;
     prepare(parts, white_is_any);
-    if (usable.size() < 4) continue;
+    if (usable.size() < (look == Look::glance ? 5 : 4)) continue;
     // A rival that explains five LEDs would be met by the first few triples, too.
     const std::size_t all = shapes.triples().size(), few = shapes.few();
     const bool five = usable.size() >= 5;
@@ -153,6 +153,8 @@ Result<FoundLeds> LedFinder::Search::find_standard(BlobSpan blobs, Time t) {
       if (!five && last != all) continue;
       found = decide(blobs, white_is_any, t);
       if (most_blobs >= 5) break;
+      // Rivals of four lights may be met by the other triples only.
+      if (look == Look::glance) return fail(Fault::too_few_points);
     }
     if (found || found.error().fault == Fault::ambiguous) break;
   }

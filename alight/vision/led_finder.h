@@ -39,8 +39,9 @@ struct LedFinderConfig {
   /// Accept only if fewer answers as good are expected by chance of lights that have
   /// nothing to do with the drone.
   double false_alarms_max = 0.1;
-  int work_max = 200000;     ///< Bound on the work for one picture, 10 to 30 ns each;
-                             ///< of more than six LEDs so much more of it.
+  int work_max = 200000;     ///< Bound on the work for one picture, 10 to 30 ns each,
+                             ///< and as much again where white may be any colour; of
+                             ///< more than six LEDs so much more of it.
   double mad_limit_m = 0.1;  ///< paper: lambda_MAD of eqn:RSE_mad.
 
   Result<void> validate() const;
@@ -68,6 +69,11 @@ struct LedRival {
 /// initialization).
 class LedFinder {
  public:
+  enum class Look {
+    glance,   ///< For a drone that shows five LEDs or more in their colours.
+    thorough  ///< For four, too, and for LEDs washed out to white.
+  };
+
   /// @param pad_size_m  Side of the pad, which may be glossy; 0: nothing mirrors.
   static Result<LedFinder> create(const LedFinderConfig& config, const Camera& camera,
                                   const Constellation& leds, double pad_size_m = 0);
@@ -82,7 +88,7 @@ class LedFinder {
   /// @returns too_few_points (no pose explains enough LEDs), ambiguous (two do about
   ///          equally well); paper: too_few_points when blobs and LEDs differ in
   ///          number, degenerate when the MAD test fails.
-  Result<FoundLeds> find(BlobSpan blobs, Time t = 0);
+  Result<FoundLeds> find(BlobSpan blobs, Time t = 0, Look look = Look::thorough);
 
   /// Whether a drone can be there, by the config's range, tilt and facing.
   bool plausible(const Pose& X_NB) const;

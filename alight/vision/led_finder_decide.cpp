@@ -380,7 +380,6 @@ void LedFinder::Search::leave_open(BlobSpan blobs, const Settled& best) {
 Result<FoundLeds> LedFinder::Search::decide(BlobSpan blobs, bool white_is_any, Time t) {
   settled.clear();
   most_blobs = 0;
-  find_twins(blobs);
   const Settled* best = nullptr;
   std::sort(kept.begin(), kept.end(),
             [](const Candidate& a, const Candidate& b) { return a.score < b.score; });

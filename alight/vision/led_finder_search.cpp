@@ -18,8 +18,10 @@ namespace {
 constexpr double kRoughShare = 0.06, kPerspective = 0.6;
 constexpr int kPerspectiveSteps = 2;
 constexpr double kLedSds = 4;
-constexpr double kSameUp = 0.95;    // cosine: two guesses at the same pose
-constexpr double kGuessMargin = 2;  // LEDs explained less than by the best guess
+constexpr double kSameUp = 0.95;  // cosine: two guesses at the same pose
+/// LEDs explained less than by the best guess, and than by one that misses none where
+/// none can be an image in the pad.
+constexpr double kGuessMargin = 2, kMarginOfAll = 1;
 constexpr double kFineShare = 0.05;
 /// Stretch, in its sd, from which a blob may be two LEDs that stand out from one.
 constexpr double kLong = 2;
@@ -96,6 +98,7 @@ void LedFinder::Search::prepare(BlobSpan blobs, bool white_is_any) {
       break;
     }
   }
+  find_twins(blobs);
   light_density = (static_cast<double>(usable.size()) + 1) /
                   (static_cast<double>(lens.width) * lens.height);
   for (std::size_t n = 0; n < seeds.size(); ++n) {
@@ -218,11 +221,12 @@ void LedFinder::Search::search_triples_in(BlobSpan blobs, bool white_is_any,
   std::size_t stride = std::max<std::size_t>(1, count * 5 / 8);
   while (std::gcd(stride, count) != 1) ++stride;
   // And where one stands still the next picture's goes on from there.
-  const std::size_t begin = next_seed;
+  std::size_t& next = next_seed[white_is_any ? 1 : 0];
+  const std::size_t begin = next;
   for (std::size_t step = 0; step < count; ++step) {
     const std::size_t n = (begin + step) * stride % count;
     if (!looked_at(seeds[n])) continue;
-    next_seed = begin + step;
+    next = begin + step;
     look_around(blobs, n, white_is_any);
     const int i = around.blob[0];
     std::uint64_t any = 0;
@@ -250,7 +254,7 @@ void LedFinder::Search::search_triples_in(BlobSpan blobs, bool white_is_any,
       }
     }
   }
-  next_seed = 0;
+  next = 0;
 }
 
 namespace {
@@ -424,8 +428,12 @@ void LedFinder::Search::try_guesses(BlobSpan blobs, bool white_is_any) {
   std::sort(guesses.begin(), guesses.end(), [](const Guess& a, const Guess& b) {
     return a.cost != b.cost ? a.cost < b.cost : a.blob < b.blob;
   });
+  if (guesses.empty()) return;
+  const double least = guesses.front().cost;
+  const bool all = least < kMarginOfAll && twins.empty();
+  const double margin = all ? kMarginOfAll : kGuessMargin;
   for (const Guess& guess : guesses) {
-    if (guess.cost > guesses.front().cost + kGuessMargin) break;
+    if (guess.cost > least + margin) break;
     const ShapeTable::Triple& t =
         shapes.triples()[static_cast<std::size_t>(guess.triple)];
     Vector3 p_BL[3];

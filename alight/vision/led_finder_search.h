@@ -22,7 +22,7 @@ struct LedFinder::Search {
   Search(const LedFinderConfig& config_in, const Camera& camera_in,
          const Constellation& leds_in, double pad_size_in);
 
-  Result<FoundLeds> find_standard(BlobSpan blobs, Time t);
+  Result<FoundLeds> find_standard(BlobSpan blobs, Time t, Look look);
   Result<FoundLeds> find_paper(BlobSpan blobs, Time t);
 
   /// A triple of LEDs as the search needs it: the others' places and B's z axis, in the
@@ -176,10 +176,11 @@ struct LedFinder::Search {
   // distortion removed; a radius of 0: everything.
   Vector2 narrowed_px = Vector2::Zero();
   double narrowed_radius_px = 0;
-  std::size_t next_seed = 0;  // of the picture before, when the work ran out
-  double cos_tilt_most;       // of a guess
-  int most_blobs = 0;         // of what decide() thought best
-  double light_density = 0;   // of usable blobs in the picture, per px^2
+  // Of the picture before, when the work ran out: without and with white as any colour.
+  std::array<std::size_t, 2> next_seed{};
+  double cos_tilt_most;      // of a guess
+  int most_blobs = 0;        // of what decide() thought best
+  double light_density = 0;  // of usable blobs in the picture, per px^2
   std::int64_t work = 0;
 };
 

@@ -433,6 +433,74 @@ INSTANTIATE_TEST_SUITE_P(Cases, LedFinderMany,
                                          Case{"Infrared20", 20, 0, false, 1.5, 0.5}),
                          [](const auto& case_of) { return case_of.param.name; });
 
+/// LEDs as they are, the first `washed_out` of them white, and lamps.
+std::vector<Blob> among_lamps(const Rig& rig, const Pose& X_NB, int hidden,
+                              int washed_out, int lamps, Rng& rng) {
+  std::vector<Blob> blobs;
+  for (int i = hidden; i < rig.leds.size(); ++i) {
+    const LedColor color =
+        i < hidden + washed_out ? LedColor::white : rig.leds.color(i);
+    blobs.push_back(
+        test::blob_at(*project_led(rig.camera, X_NB, rig.leds.p_BL(i)), color, rng));
+  }
+  for (int i = 0; i < lamps; ++i) {
+    const LedColor color = rng.chance(0.2) ? LedColor::red : LedColor::white;
+    blobs.push_back(
+        test::blob_at({rng.uniform(0, 848), rng.uniform(0, 480)}, color, rng));
+  }
+  return blobs;
+}
+
+TEST(LedFinder, AGlanceSaysWhatAThoroughLookDoesOrNothing) {
+  const Rig rig = alan_rig();
+  auto finder = LedFinder::create({}, rig.camera, rig.leds);
+  ASSERT_TRUE(finder);
+  int all_shine = 0, told = 0;
+  for (unsigned seed = 0; seed < 300; ++seed) {
+    Rng rng(seed);
+    const Pose X_NB = test::random_pose(rig, rng, 0.4, 2);
+    const int hidden = static_cast<int>(seed % 4), washed_out = seed % 3 == 2 ? 3 : 0;
+    const auto blobs = among_lamps(rig, X_NB, hidden, washed_out, 15, rng);
+    const auto glance = finder->find(blobs, 0, LedFinder::Look::glance);
+    all_shine += hidden == 0 && washed_out == 0;
+    if (!glance) continue;
+    told += hidden == 0 && washed_out == 0;
+    EXPECT_GE(glance->frame.seen.size(), 5u) << seed;
+    const auto thorough = finder->find(blobs);
+    ASSERT_TRUE(thorough) << seed;
+    EXPECT_TRUE(glance->fit.X_NB.isApprox(thorough->fit.X_NB, 0)) << seed;
+  }
+  EXPECT_GE(told, 0.8 * all_shine);
+}
+
+TEST(LedFinder, LedsWashedOutAmongWhiteLampsAreFoundThoughOnePictureIsTooMuch) {
+  const Rig rig = alan_rig();
+  LedFinderConfig hasty;
+  hasty.work_max = 30000;
+  int at_once = 0, in_time = 0, wrong = 0, total = 0;
+  for (unsigned seed = 0; seed < 60; ++seed) {
+    Rng rng(seed);
+    const Pose X_NB = test::random_pose(rig, rng, 0.6, 1.5);
+    const auto blobs = among_lamps(rig, X_NB, 0, 5, 90, rng);
+    auto patient = LedFinder::create({.work_max = 50'000'000}, rig.camera, rig.leds);
+    if (!patient->find(blobs)) continue;
+    ++total;
+    auto finder = LedFinder::create(hasty, rig.camera, rig.leds);
+    for (int picture = 0; picture < 20; ++picture) {
+      const auto found = finder->find(blobs);
+      if (!found) continue;
+      at_once += picture == 0;
+      ++in_time;
+      wrong += lost(X_NB, found->fit.X_NB);
+      break;
+    }
+  }
+  EXPECT_EQ(wrong, 0);
+  EXPECT_GE(total, 40);
+  EXPECT_LT(at_once, 0.8 * total);  // or the test shows nothing
+  EXPECT_GE(in_time, 0.95 * total);
+}
+
 TEST(LedFinder, SeesNoDroneInLampsAlone) {
   const Rig rig = alan_rig();
   auto finder = LedFinder::create({}, rig.camera, rig.leds);
