@@ -27,7 +27,7 @@ constexpr std::size_t kNoLamps = 6;
 // pose that explains more: then, after twice as many, and so on, at last after every so
 // many.
 constexpr unsigned kDoubtAfter = 4, kDoubtEvery = 256;
-constexpr std::size_t kHandful = 12;  // Lights: to look thoroughly takes no time.
+constexpr std::size_t kHandful = 24;  // Lights: a thorough search costs little.
 constexpr double kRestReach = 4;      // sd of its place, from where it is expected
 constexpr int kRestLeds = 4;          // of a drone at rest that do to start with
 constexpr double kReachSds = 3;  // Where nobody tells how it moves it may be far off.
