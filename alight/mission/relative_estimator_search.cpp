@@ -258,31 +258,35 @@ Result<FoundLeds> RelativeEstimator::find_anywhere(const CameraFrame& frame,
   if (beyond_doubt(found) || !(dims || takes_apart)) return found;
   take_for_now(blobs);
   apart_.assign(blobs.begin(), blobs.end());
+  Result<FoundLeds> in_the_end = fail(Fault::too_few_points);
   if (dims) {
     // LEDs may be too dim to stand out as what is bright does.
     const auto dim =
         detector_.detect(frame.color, frame.depth, {}, BlobDetector::LookFor::dim);
     if (dim) take_apart(*dim, apart_);
     blobs = BlobSpan(apart_.data(), apart_.size());
-    found = better(found, find_in(blobs, takes_apart ? Look::glance : Look::thorough));
-    if (beyond_doubt(found)) return found;
+    in_the_end = find_in(blobs, takes_apart ? Look::glance : Look::thorough);
+    if (beyond_doubt(in_the_end)) return in_the_end;
     if (takes_apart) take_for_now(blobs);
   }
   if (takes_apart) {
     // LEDs that run together are as many lights, and a light of its own is one LED.
     fit_lights(frame.color, resolver_.spread(), detector_, apart_);
     blobs = BlobSpan(apart_.data(), apart_.size());
-    found = better(found, find_in(blobs, Look::thorough));
+    in_the_end = find_in(blobs, Look::thorough);
+    if (beyond_doubt(in_the_end)) return in_the_end;
   }
   for (const LedRival& rival : finder_.left_open()) {
     if (!open.push_back(rival)) break;
   }
+  const LedResolver as_known = resolver_;
   for (const auto& lights : before) {
-    if (beyond_doubt(found)) break;
     auto then = find_in({lights.data(), lights.size()}, Look::thorough);
-    found = beyond_doubt(then) ? then : better(then, found);
+    if (beyond_doubt(then)) return then;
+    found = better(found, then);
   }
-  return found;
+  resolver_ = as_known;
+  return better(found, in_the_end);
 }
 
 // It may be anywhere, and four lamps look like four of its LEDs sooner or later.
