@@ -28,8 +28,7 @@ Result<LedGuess> guess_leds(const LedAdjustmentConfig& config, const Camera& cam
                             std::span<const LightTrack> tracks);
 
 /// `found` with those LEDs of one colour renamed that so lie nearer to the written ones
-/// when it is laid over them. Those
-/// without a colour are of one.
+/// when it is laid over them. Those without a colour are of one.
 Constellation named_nearest(const Constellation& found, const Constellation& written);
 
 }  // namespace alight

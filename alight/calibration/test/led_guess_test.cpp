@@ -35,6 +35,13 @@ void without_colors(Constellation& leds) {
   for (Led& led : leds.leds) led.color = LedColor::none;
 }
 
+/// One distance has been measured.
+LedAdjustmentConfig sized_as(const Rig& truth) {
+  LedAdjustmentConfig config;
+  config.distances = {{0, 5, (truth.leds.p_BL(0) - truth.leds.p_BL(5)).norm(), 0.0002}};
+  return config;
+}
+
 /// Largest error of a distance between two LEDs: the shape, whatever its place.
 double shape_error(const Constellation& a, const Constellation& b) {
   double most = 0;
@@ -59,11 +66,8 @@ TEST(LedGuess, ErrorsThatConfuseSinglePicturesDoNotConfuseAFlight) {
         without_colors(truth.leds);
         without_colors(written);
       }
-      LedAdjustmentConfig config;
-      const double known = (truth.leds.p_BL(0) - truth.leds.p_BL(5)).norm();
-      config.distances = {{0, 5, known, 0.0002}};
-      const auto guess =
-          guess_leds(config, truth.camera, written, followed(truth, 0.05, rng));
+      const auto guess = guess_leds(sized_as(truth), truth.camera, written,
+                                    followed(truth, 0.05, rng));
       ASSERT_TRUE(guess);
       EXPECT_EQ(guess->lights, 6);
       right += shape_error(guess->leds, truth.leds) < 2e-3 ? 1 : 0;
@@ -105,10 +109,7 @@ TEST(LedGuess, ALampThatIsFollowedBesideTheDroneIsNone) {
     for (auto& sight : lamp.seen) {
       sight.uv = beside + Vector2(rng.normal(0, 0.05), rng.normal(0, 0.05));
     }
-    LedAdjustmentConfig config;
-    config.distances = {
-        {0, 5, (truth.leds.p_BL(0) - truth.leds.p_BL(5)).norm(), 0.0002}};
-    const auto guess = guess_leds(config, truth.camera, written, tracks);
+    const auto guess = guess_leds(sized_as(truth), truth.camera, written, tracks);
     if (!guess) continue;
     EXPECT_EQ(guess->lights, 5) << seed;
     ++right;
