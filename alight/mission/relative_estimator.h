@@ -225,9 +225,13 @@ class RelativeEstimator {
   bool exact(const FoundLeds& found) const;
   /// Enough LEDs, seen as exactly as LEDs are.
   bool beyond_doubt(const Result<FoundLeds>& found) const;
+  /// What a search of one picture says, and what the LEDs it finds there teach.
+  struct Answer {
+    Result<FoundLeds> found;
+    LedResolver learnt;
+  };
   /// Of what bright lights alone and dim ones, too, say.
-  Result<FoundLeds> better(const Result<FoundLeds>& bright,
-                           const Result<FoundLeds>& dim) const;
+  Answer better(const Answer& bright, const Answer& dim) const;
   using Rivals = FixedVector<LedRival, RivalPoses::kMost>;
   /// In a whole picture, from what stands out in it, `blobs`, to what takes more
   /// looking.

@@ -241,7 +241,10 @@ Result<FoundLeds> RelativeEstimator::find_anywhere(const CameraFrame& frame,
   using Look = LedFinder::Look;
   const bool dims = config_.blobs.dim_threshold > 0;
   const bool takes_apart = config_.tell_apart && !at_rest;
+  const LedResolver as_known = resolver_;
+  // A picture teaches once, and by the answer that is believed.
   const auto find_in = [&](BlobSpan lights, Look look) {
+    resolver_ = as_known;
     auto found = finder_.find(lights, frame.captured, look);
     if (found && config_.tell_apart) place_by_pixels(frame, lights, *found);
     return found;
@@ -256,6 +259,7 @@ Result<FoundLeds> RelativeEstimator::find_anywhere(const CameraFrame& frame,
   };
   auto found = find_in(blobs, dims || takes_apart ? Look::glance : Look::thorough);
   if (beyond_doubt(found) || !(dims || takes_apart)) return found;
+  Answer first{std::move(found), resolver_};
   take_for_now(blobs);
   apart_.assign(blobs.begin(), blobs.end());
   Result<FoundLeds> in_the_end = fail(Fault::too_few_points);
@@ -271,22 +275,23 @@ Result<FoundLeds> RelativeEstimator::find_anywhere(const CameraFrame& frame,
   }
   if (takes_apart) {
     // LEDs that run together are as many lights, and a light of its own is one LED.
-    fit_lights(frame.color, resolver_.spread(), detector_, apart_);
+    fit_lights(frame.color, as_known.spread(), detector_, apart_);
     blobs = BlobSpan(apart_.data(), apart_.size());
     in_the_end = find_in(blobs, Look::thorough);
     if (beyond_doubt(in_the_end)) return in_the_end;
   }
+  const Answer last{std::move(in_the_end), resolver_};
   for (const LedRival& rival : finder_.left_open()) {
     if (!open.push_back(rival)) break;
   }
-  const LedResolver as_known = resolver_;
   for (const auto& lights : before) {
     auto then = find_in({lights.data(), lights.size()}, Look::thorough);
     if (beyond_doubt(then)) return then;
-    found = better(found, then);
+    first = better(first, {std::move(then), resolver_});
   }
-  resolver_ = as_known;
-  return better(found, in_the_end);
+  const Answer best = better(first, last);
+  resolver_ = best.learnt;
+  return best.found;
 }
 
 // It may be anywhere, and four lamps look like four of its LEDs sooner or later.
@@ -305,15 +310,16 @@ bool RelativeEstimator::beyond_doubt(const Result<FoundLeds>& found) const {
   return found->frame.seen.size() >= kTellingLeds && exact(*found);
 }
 
-Result<FoundLeds> RelativeEstimator::better(const Result<FoundLeds>& bright,
-                                            const Result<FoundLeds>& dim) const {
-  if (!bright || !dim) return bright ? bright : dim;
-  if (beyond_doubt(dim) || dim->frame.seen.size() > bright->frame.seen.size()) {
+RelativeEstimator::Answer RelativeEstimator::better(const Answer& bright,
+                                                    const Answer& dim) const {
+  if (!bright.found || !dim.found) return bright.found ? bright : dim;
+  if (beyond_doubt(dim.found) ||
+      dim.found->frame.seen.size() > bright.found->frame.seen.size()) {
     return dim;
   }
-  if (!near(bright->fit.X_NB, dim->fit.X_NB, config_.placed_within_m,
+  if (!near(bright.found->fit.X_NB, dim.found->fit.X_NB, config_.placed_within_m,
             config_.placed_within_deg * kDegree)) {
-    return fail(Fault::ambiguous);
+    return {fail(Fault::ambiguous), dim.learnt};
   }
   return bright;
 }
@@ -500,8 +506,9 @@ void RelativeEstimator::place_by_pixels(const CameraFrame& frame, BlobSpan blobs
   FixedVector<Vector2, kMaxLeds> still;  // its speed is not known yet
   for (int i = 0; i < leds_.size(); ++i) still.push_back(Vector2::Zero());
   resolver_.resolve(frame.color, blobs, detail, {still.data(), still.size()}, leds);
-  // Three always fit.
-  if (leds.seen.size() < 4) return;
+  // Three always fit, and of five whose pixels speak against one the other four are no
+  // better for that.
+  if (leds.seen.size() < std::max<std::size_t>(4, found.frame.seen.size())) return;
   const auto fit = refine_pose(camera_, leds_, {leds.seen.data(), leds.seen.size()},
                                found.fit.X_NB, nullptr, 10);
   if (!fit || !near(fit->X_NB, found.fit.X_NB, config_.placed_within_m,

@@ -163,6 +163,17 @@ TEST_F(ImageFiles, BadSourcesAreNamed) {
   EXPECT_EQ(listed("t,file\n0,.\n"),
             "/frames.csv:2: " + path("f/.") + ": is a folder, a file is needed");
   EXPECT_EQ(why(long_name), ": File name too long");
+  const auto every = [&](double step) {
+    std::string text = "t,file\n";
+    for (int i = 0; i < 5; ++i) text += std::to_string(i * step) + ",a.png\n";
+    return listed(text);
+  };
+  EXPECT_EQ(every(1 / rig.timing.rate_hz), "");
+  EXPECT_EQ(every(1), "");  // one picture a second
+  EXPECT_NE(every(1e3 / rig.timing.rate_hz).find("look like milliseconds"),
+            std::string::npos);
+  EXPECT_NE(every(1e6 / rig.timing.rate_hz).find("look like microseconds"),
+            std::string::npos);
   std::filesystem::create_symlink(path("circle"), path("circle"));
   EXPECT_NE(why("circle").find("symbolic link"), std::string::npos) << why("circle");
   EXPECT_EQ(listed("t,file\n"), "/frames.csv: lists no pictures");

@@ -123,6 +123,26 @@ TEST(MeasureRun, PiecesMakeTheWhole) {
   }
 }
 
+// Of five lights in a row of lamps the pixels spoke against one, and the other four
+// passed for LEDs (1 and 2 dead); what other readings of the first picture had taught
+// let LEDs 1 and 3, dead, seem to shine in the next.
+TEST(MeasureRun, WhatPixelsSpeakAgainstIsNoDrone) {
+  const std::pair<std::vector<int>, std::uint64_t> flights[] = {{{1, 2}, 610504},
+                                                                {{1, 3}, 884702}};
+  MeasureOptions options;
+  options.sequence.rig = alan_rig();
+  options.sequence.kind = SequenceKind::hard;
+  options.sequence.frames = 120;
+  options.seeds = 1;
+  for (const auto& [dead, seed] : flights) {
+    options.sequence.dead = dead;
+    options.first_seed = seed;
+    const auto measured = run_measure(options);
+    ASSERT_TRUE(measured);
+    EXPECT_EQ(summarize(*measured).wrong, 0) << seed;
+  }
+}
+
 // Two of three pixels that a lens of one colour could have told by are gone; what is
 // left must be used as it is.
 TEST(MeasureRun, UnderAMosaicFlightsAreFollowedNearlyAsExactly) {
