@@ -429,7 +429,11 @@ bool RelativeEstimator::contradicted(const CameraFrame& stored, FrameReport& out
   if (!config_.tell_apart || expecting_) return false;
   int used = 0;
   for (const LedUse& use : out.leds) used += std::popcount(use.observation.leds);
-  doubts_ = used < leds_.size() ? doubts_ + 1 : 0;
+  // No other LEDs look like six that fit exactly, nor do lamps.
+  const bool plain = used >= leds_.size() ||
+                     (seen_alone_ >= kNoLamps &&
+                      out.reprojection_px <= config_.placed_sds * config_.placed_sd_px);
+  doubts_ = plain ? 0 : doubts_ + 1;
   const auto pictures = static_cast<unsigned>(doubts_);
   const bool time_to_look = pictures >= kDoubtAfter && (std::has_single_bit(pictures) ||
                                                         pictures % kDoubtEvery == 0);
