@@ -29,6 +29,8 @@ constexpr Seconds kTurnMemory = 1;     // drones do not go on turning
 constexpr double kRestlessLeast = 0.0003, kRestlessMost = 100;
 constexpr double kImprobable = 2;       // mean NIS, 1 by the model;
 constexpr double kImprobableTrend = 2;  // mean square of those sums
+constexpr int kContrary = 2;            // pictures in a row that end an even flight,
+constexpr double kWiderAtOnce = 9;      // and what one may do to its variances
 constexpr double kRestlessGain = 0.05;  // share of what it is off that counts at once
 // Drones move smoothly: their corrections go on for a while that white noise would not
 // have, even where the covariance is true (sines and splines, flights of both
@@ -198,6 +200,7 @@ void RelativeFilter::reset(Time t, const RelativeState& x,
   }
   turn_ = unknown_turn();
   restless_ = 1;
+  contrary_ = 0;
   of_d_.forget();
   of_turn_.forget();
   lately_of_d_ = kTrendUsual;
@@ -598,18 +601,33 @@ Result<UpdateReport> RelativeFilter::update(const LedFrame& frame, std::size_t a
   UpdateReport& report = report_;
   PictureMeasurements measurements;
   auto ready = prepare(frame, measurements, report);
-  if (!ready && ready.error().fault == Fault::ambiguous && agreeing == 0 &&
-      restless_ < 1) {
-    // It may have moved evenly for too long to be believed when it no longer does.
-    P_ /= restless_;
-    turn_.P /= restless_;
-    turn_.cross /= restless_;
-    restless_ = 1;
-    of_d_.forget();
-    of_turn_.forget();
+  const bool contrary = !ready && ready.error().fault == Fault::ambiguous;
+  if (contrary && frame.t != contrary_at_) {
+    ++contrary_;
+    contrary_at_ = frame.t;
+  }
+  if (contrary && agreeing == 0 && restless_ < 1) {
+    // It may have moved evenly for too long to be believed when it no longer does. One
+    // picture may be of lamps, and nothing would hold the pose against them.
+    const bool at_once = contrary_ < kContrary;
+    const double wider =
+        at_once ? std::min(1 / restless_, kWiderAtOnce) : 1 / restless_;
+    const Matrix15 P = P_;
+    const TurnRate turn = turn_;
+    P_ *= wider;
+    turn_.P *= wider;
+    turn_.cross *= wider;
     report = UpdateReport{};
     measurements.clear();
     ready = prepare(frame, measurements, report);
+    if (ready || !at_once) {
+      restless_ *= wider;
+      of_d_.forget();
+      of_turn_.forget();
+    } else {
+      P_ = P;
+      turn_ = turn;
+    }
   }
   if (!ready) return fail(ready.error());
 
@@ -659,6 +677,7 @@ Result<UpdateReport> RelativeFilter::update(const LedFrame& frame, std::size_t a
   }
   state_ = next;
   P_ = P;
+  contrary_ = 0;
   report.iterations = done->iterations;
   report.converged = done->converged;
   report.moved = done->moved;

@@ -230,7 +230,9 @@ class RelativeFilter {
   LedCovariance led_cov_;
   ResidualWatch watch_;
   TurnRate turn_;
-  double restless_ = 1;  // factor on the process noise
+  double restless_ = 1;   // factor on the process noise
+  int contrary_ = 0;      // pictures in a row that contradict the prediction,
+  Time contrary_at_ = 0;  // the last of them
   CorrectionTrend of_d_, of_turn_;
   double lately_of_d_ = 0;  // mean of of_d_.ratio()
 

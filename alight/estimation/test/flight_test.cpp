@@ -268,6 +268,48 @@ TEST(CameraOnly, HalfASecondOutOfSightIsNotKnownTooSurely) {
   EXPECT_GT(nees, 1);
 }
 
+// A lamp that covers LEDs moves several of them alike for a picture or so; a drone that
+// moves on does so in the next one, too.
+TEST(CameraOnly, OnePictureDoesNotEndAnEvenFlight) {
+  const Rig rig = alan_rig();
+  const Flight flight;
+  for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+    Rng rng(seed);
+    auto filter = RelativeFilter::create(RelativeFilterConfig::camera_only(),
+                                         rig.camera, rig.leds)
+                      .value();
+    RelativeState still = flight.state(0);
+    still.v_NB.setZero();
+    filter.reset(0, still, start_covariance());
+    const Pose X_NB = still.X_NB();
+    Pose turned = X_NB;
+    turned.rotate(Eigen::AngleAxisd(0.3, Vector3::UnitZ()));
+    int k = 0;
+    const auto see = [&](const Pose& pose) {
+      const Time t = from_seconds(++k / 60.0);
+      EXPECT_TRUE(filter.predict_to(t, {}).has_value());
+      return filter.update(picture(rig.camera, rig.leds, pose, t, 0.05, rng))
+          .has_value();
+    };
+    const auto off_deg = [&](const Pose& pose) {
+      return angle_between(filter.state().R_NB, pose.linear()) / kDegree;
+    };
+    for (int n = 0; n < 300; ++n) ASSERT_TRUE(see(X_NB));
+    EXPECT_FALSE(see(turned)) << seed;
+    EXPECT_LT(off_deg(X_NB), 1) << seed;
+    EXPECT_TRUE(see(X_NB)) << seed;
+    // At once it turns by 90 deg/s.
+    Pose turning = X_NB;
+    int refused = 0;
+    for (int n = 0; n < 30; ++n) {
+      turning.rotate(Eigen::AngleAxisd(1.5 * kDegree, Vector3::UnitZ()));
+      refused += !see(turning);
+    }
+    EXPECT_LE(refused, 1) << seed;
+    EXPECT_LT(off_deg(turning), 0.5) << seed;
+  }
+}
+
 TEST(Depth, HelpsWhereItIsGood) {
   // With 2 mm of depth noise the range is better than from the picture alone.
   const Rig rig = alan_rig();
