@@ -30,7 +30,7 @@ constexpr double kRestlessLeast = 0.0003, kRestlessMost = 100;
 constexpr double kImprobable = 2;       // mean NIS, 1 by the model;
 constexpr double kImprobableTrend = 2;  // mean square of those sums
 constexpr int kContrary = 2;            // pictures in a row that end an even flight,
-constexpr double kWiderAtOnce = 9;      // and what one may do to its variances
+constexpr double kWiderAtOnce = 225;    // and what one may do to its variances
 constexpr double kRestlessGain = 0.05;  // share of what it is off that counts at once
 // Drones move smoothly: their corrections go on for a while that white noise would not
 // have, even where the covariance is true (sines and splines, flights of both

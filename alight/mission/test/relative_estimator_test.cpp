@@ -63,7 +63,8 @@ TEST(RelativeEstimator, ACameraThatRepeatsItsPictureSeesNothing) {
   // The last picture once more, as if newly captured, and again.
   for (int k = 2; k <= 6; ++k) {
     w.again();
-    EXPECT_EQ(w.report.tracked, k < 3) << k;
+    // Twice may be chance, if the drone could have stopped like that.
+    EXPECT_FALSE(w.report.tracked && k >= config.frozen_pictures) << k;
   }
   EXPECT_LE(w.estimator.last_sight(), seen + kFrame);
   EXPECT_LE(w.estimator.filter().time(), seen + kFrame) << "its autopilot may tell";
