@@ -220,7 +220,8 @@ class RelativeEstimator {
   void search_either_way(const CameraFrame& stored, const MotionSource& motion,
                          FrameReport& out, Probe* probe);
   /// A pose found from blobs, made as exact as the pixels allow.
-  void place_by_pixels(const CameraFrame& frame, BlobSpan blobs, FoundLeds& found);
+  /// @returns false where they speak against one of its LEDs; it stays as it was.
+  bool place_by_pixels(const CameraFrame& frame, BlobSpan blobs, FoundLeds& found);
   /// Its lights stand as exactly as LEDs do.
   bool exact(const FoundLeds& found) const;
   /// Enough LEDs, seen as exactly as LEDs are.

@@ -446,7 +446,9 @@ bool RelativeEstimator::contradicted(const CameraFrame& stored, FrameReport& out
     frame.color = linear_.of(stored.color);
     const auto blobs = detector_.detect(frame.color, frame.depth);
     if (blobs) found = finder_.find(*blobs, frame.captured);
-    if (found) place_by_pixels(frame, *blobs, *found);
+    if (found && !place_by_pixels(frame, *blobs, *found)) {
+      found = fail(Fault::ambiguous);
+    }
   }
   const auto contrary = [&] {
     const Pose X_NB = filter_.state().X_NB();
@@ -500,30 +502,31 @@ void RelativeEstimator::doubt(FrameReport& out) {
   found_again_ = false;
 }
 
-void RelativeEstimator::place_by_pixels(const CameraFrame& frame, BlobSpan blobs,
+bool RelativeEstimator::place_by_pixels(const CameraFrame& frame, BlobSpan blobs,
                                         FoundLeds& found) {
   TrackDetail detail;
   LedFrame leds =
       tracker_.track(blobs, found.fit.X_NB, 4 * found.fit.cov, frame.captured, &detail);
   const bool fewer = leds.led_count() < found.frame.led_count();
-  if (leds.seen.size() < found.frame.seen.size()) return;
+  if (leds.seen.size() < found.frame.seen.size()) return true;
   FixedVector<Vector2, kMaxLeds> still;  // its speed is not known yet
   for (int i = 0; i < leds_.size(); ++i) still.push_back(Vector2::Zero());
   resolver_.resolve(frame.color, blobs, detail, {still.data(), still.size()}, leds);
-  // Three always fit, and of five whose pixels speak against one the other four are no
-  // better for that.
-  if (leds.seen.size() < std::max<std::size_t>(4, found.frame.seen.size())) return;
+  // Of five whose pixels speak against one the other four are no better for that.
+  if (leds.seen.size() < found.frame.seen.size()) return false;
+  if (leds.seen.size() < 4) return true;  // Three always fit.
   const auto fit = refine_pose(camera_, leds_, {leds.seen.data(), leds.seen.size()},
                                found.fit.X_NB, nullptr, 10);
   if (!fit || !near(fit->X_NB, found.fit.X_NB, config_.placed_within_m,
                     config_.placed_within_deg * kDegree)) {
-    return;
+    return true;
   }
   // That an LED shares its blob with another is a guess, which explains one more, but
   // must not fit worse.
-  if (fewer && fit->rms_px > found.fit.rms_px) return;
+  if (fewer && fit->rms_px > found.fit.rms_px) return true;
   found.frame = leds;
   found.fit = *fit;
+  return true;
 }
 
 double RelativeEstimator::placed_rms_max_px(const Pose& X_NB) const {
