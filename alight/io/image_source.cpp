@@ -94,7 +94,31 @@ int column_of(const std::vector<std::string_view>& header, std::string_view name
   return -1;
 }
 
-Result<std::vector<Entry>> read_list(const std::string& folder) {
+/// Times so many times farther apart than the camera takes pictures are in another
+/// unit.
+Result<void> check_unit(const std::string& path, const std::vector<Entry>& entries,
+                        double rate_hz) {
+  if (entries.size() < 3) return {};
+  std::vector<Time> steps;
+  for (std::size_t i = 1; i < entries.size(); ++i) {
+    steps.push_back(entries[i].t - entries[i - 1].t);
+  }
+  const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
+  std::nth_element(steps.begin(), middle, steps.end());
+  const double pictures = to_seconds(*middle) * rate_hz;
+  for (const auto& [unit, times] :
+       {std::pair{"milliseconds", 1e3}, {"microseconds", 1e6}, {"nanoseconds", 1e9}}) {
+    if (pictures < times / 2 || pictures > times * 2) continue;
+    return fail(Fault::invalid_input,
+                path + ": t grows by " + number_text(to_seconds(*middle)) +
+                    " from line to line, and the rig's camera takes " +
+                    number_text(rate_hz) + " pictures a second: these look like " +
+                    unit + ", t is in seconds");
+  }
+  return {};
+}
+
+Result<std::vector<Entry>> read_list(const std::string& folder, double rate_hz) {
   const std::string path = (fs::path(folder) / "frames.csv").string();
   const auto text = read_file(path);
   if (!text) return fail(text.error());
@@ -169,32 +193,8 @@ Result<std::vector<Entry>> read_list(const std::string& folder) {
   if (entries.empty()) {
     return fail(Fault::invalid_input, path + ": lists no pictures");
   }
+  if (auto good = check_unit(path, entries, rate_hz); !good) return fail(good.error());
   return entries;
-}
-
-/// Times so many times farther apart than the camera takes pictures are in another
-/// unit.
-Result<void> check_unit(const std::string& folder, const std::vector<Entry>& entries,
-                        double rate_hz) {
-  if (entries.size() < 3) return {};
-  std::vector<Time> steps;
-  for (std::size_t i = 1; i < entries.size(); ++i) {
-    steps.push_back(entries[i].t - entries[i - 1].t);
-  }
-  const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
-  std::nth_element(steps.begin(), middle, steps.end());
-  const double pictures = to_seconds(*middle) * rate_hz;
-  for (const auto& [unit, times] :
-       {std::pair{"milliseconds", 1e3}, {"microseconds", 1e6}, {"nanoseconds", 1e9}}) {
-    if (pictures < times / 2 || pictures > times * 2) continue;
-    return fail(Fault::invalid_input,
-                (fs::path(folder) / "frames.csv").string() + ": t grows by " +
-                    number_text(to_seconds(*middle)) +
-                    " from line to line, and the rig's camera takes " +
-                    number_text(rate_hz) + " pictures a second: these look like " +
-                    unit + ", t is in seconds");
-  }
-  return {};
 }
 
 std::string size_text(int width, int height) {
@@ -241,11 +241,9 @@ Result<ImageSource> ImageSource::open(const std::string& path, const Rig& rig) {
   if (fs::is_directory(status)) {
     std::error_code unseen;
     const bool listed = fs::exists(fs::path(path) / "frames.csv", unseen);
-    auto entries = listed ? read_list(path) : list_folder(path, rig.timing.rate_hz);
+    const double rate_hz = rig.timing.rate_hz;
+    auto entries = listed ? read_list(path, rate_hz) : list_folder(path, rate_hz);
     if (!entries) return fail(entries.error());
-    if (auto good = check_unit(path, *entries, state->rate_hz); !good) {
-      return fail(good.error());
-    }
     state->entries = std::move(*entries);
     return ImageSource(std::move(state));
   }

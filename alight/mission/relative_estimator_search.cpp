@@ -313,10 +313,7 @@ bool RelativeEstimator::beyond_doubt(const Result<FoundLeds>& found) const {
 RelativeEstimator::Answer RelativeEstimator::better(const Answer& bright,
                                                     const Answer& dim) const {
   if (!bright.found || !dim.found) return bright.found ? bright : dim;
-  if (beyond_doubt(dim.found) ||
-      dim.found->frame.seen.size() > bright.found->frame.seen.size()) {
-    return dim;
-  }
+  if (dim.found->frame.seen.size() > bright.found->frame.seen.size()) return dim;
   if (!near(bright.found->fit.X_NB, dim.found->fit.X_NB, config_.placed_within_m,
             config_.placed_within_deg * kDegree)) {
     return {fail(Fault::ambiguous), dim.learnt};

@@ -63,8 +63,8 @@ TEST(RelativeEstimator, ACameraThatRepeatsItsPictureSeesNothing) {
   // The last picture once more, as if newly captured, and again.
   for (int k = 2; k <= 6; ++k) {
     w.again();
-    // Twice may be chance, if the drone could have stopped like that.
-    EXPECT_FALSE(w.report.tracked && k >= config.frozen_pictures) << k;
+    // The first one contradicts how it sways.
+    EXPECT_FALSE(w.report.tracked) << k;
   }
   EXPECT_LE(w.estimator.last_sight(), seen + kFrame);
   EXPECT_LE(w.estimator.filter().time(), seen + kFrame) << "its autopilot may tell";
