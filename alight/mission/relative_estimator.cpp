@@ -426,8 +426,7 @@ bool RelativeEstimator::to_be_confirmed() const {
 }
 
 bool RelativeEstimator::no_doubt(const FrameReport& out) const {
-  return out.tracked && seen_alone_ >= kTellingLeds &&
-         out.reprojection_px <= config_.placed_sds * config_.placed_sd_px;
+  return out.tracked && seen_alone_ >= kTellingLeds && exact(out.reprojection_px);
 }
 
 bool RelativeEstimator::seen_soundly() const {

@@ -222,8 +222,13 @@ class RelativeEstimator {
   /// A pose found from blobs, made as exact as the pixels allow.
   /// @returns false where they speak against one of its LEDs; it stays as it was.
   bool place_by_pixels(const CameraFrame& frame, BlobSpan blobs, FoundLeds& found);
-  /// Its lights stand as exactly as LEDs do.
-  bool exact(const FoundLeds& found) const;
+  /// Lights that a pose fits so well, rms, stand as exactly as LEDs do.
+  bool exact(double rms_px) const {
+    return rms_px <= config_.placed_sds * config_.placed_sd_px;
+  }
+  bool exact(const FoundLeds& found) const {
+    return !config_.tell_apart || exact(found.fit.rms_px);
+  }
   /// Enough LEDs, seen as exactly as LEDs are.
   bool beyond_doubt(const Result<FoundLeds>& found) const;
   /// What a search of one picture says, and what the LEDs it finds there teach.
@@ -234,6 +239,10 @@ class RelativeEstimator {
   /// Of what bright lights alone and dim ones, too, say.
   Answer better(const Answer& bright, const Answer& dim) const;
   using Rivals = FixedVector<LedRival, RivalPoses::kMost>;
+  /// Of poses that blobs leave open the one whose pixels show it beyond doubt.
+  /// @returns nothing where they show none so, or several.
+  std::optional<FoundLeds> told_by_pixels(const CameraFrame& frame, BlobSpan blobs,
+                                          const Rivals& open);
   /// In a whole picture, from what stands out in it, `blobs`, to what takes more
   /// looking.
   /// @param blobs  Replaced by the lights as they are known in the end.

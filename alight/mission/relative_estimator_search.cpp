@@ -23,6 +23,7 @@ constexpr double kMisreadRms = 2;
 constexpr int kColored = 3;
 // White lights that fit exactly and are so many are none either.
 constexpr std::size_t kNoLamps = 6;
+constexpr double kOwnLight_px = 3;  // from an LED, its blob's middle
 // Pictures in a row with LEDs missing after which the whole picture is searched for a
 // pose that explains more: then, after twice as many, and so on, at last after every so
 // many.
@@ -49,6 +50,36 @@ Covariance9 covariance_of(const PoseFit& fit, double velocity_sd) {
 bool near(const Pose& a, const Pose& b, double distance, double turn) {
   return (a.translation() - b.translation()).norm() < distance &&
          so3_log(a.linear().transpose() * b.linear()).norm() < turn;
+}
+
+/// Which of `blobs` shows which LED, as found in them.
+Assignment shown_by(const LedFrame& found, BlobSpan blobs) {
+  Assignment match;
+  for (const LedObservation& o : found.seen) {
+    const auto blob = std::find_if(blobs.begin(), blobs.end(),
+                                   [&](const Blob& b) { return b.uv == o.uv; });
+    if (blob == blobs.end()) continue;
+    ++match.blobs;
+    for (std::size_t i = 0; i < kMaxLeds; ++i) {
+      if (!((o.leds >> i) & 1)) continue;
+      match.blob[i] = static_cast<int>(blob - blobs.begin());
+      ++match.leds;
+    }
+  }
+  return match;
+}
+
+/// How many of its lights are of the colour of their LEDs.
+int in_own_color(const Constellation& leds, const LedFrame& frame, BlobSpan blobs) {
+  int count = 0;
+  for (const LedObservation& o : frame.seen) {
+    const LedColor own = leds.color(std::countr_zero(o.leds));
+    count += own != LedColor::white && own != LedColor::none &&
+             std::any_of(blobs.begin(), blobs.end(), [&](const Blob& b) {
+               return b.color == own && (b.uv - o.uv).norm() < kOwnLight_px;
+             });
+  }
+  return count;
 }
 
 }  // namespace
@@ -165,6 +196,9 @@ bool RelativeEstimator::search(const CameraFrame& stored, const MotionSource& mo
     if (found && config_.keep_rivals && !filter_.initialized()) {
       open = rivals_of(*found);
       if (!open.empty()) found = fail(Fault::ambiguous);
+    }
+    if (!found && config_.tell_apart && !at_rest) {
+      if (auto told = told_by_pixels(frame, *blobs, open)) found = std::move(*told);
     }
     if (!found && config_.keep_rivals) {
       const auto left = rivals_.decide(
@@ -300,11 +334,6 @@ bool RelativeEstimator::forgotten_in_flight() const {
          beyond_doubt_;
 }
 
-bool RelativeEstimator::exact(const FoundLeds& found) const {
-  return !config_.tell_apart ||
-         found.fit.rms_px <= config_.placed_sds * config_.placed_sd_px;
-}
-
 bool RelativeEstimator::beyond_doubt(const Result<FoundLeds>& found) const {
   if (!found || !config_.tell_apart) return found.has_value();
   return found->frame.seen.size() >= kTellingLeds && exact(*found);
@@ -427,9 +456,8 @@ bool RelativeEstimator::contradicted(const CameraFrame& stored, FrameReport& out
   int used = 0;
   for (const LedUse& use : out.leds) used += std::popcount(use.observation.leds);
   // No other LEDs look like six that fit exactly, nor do lamps.
-  const bool plain = used >= leds_.size() ||
-                     (seen_alone_ >= kNoLamps &&
-                      out.reprojection_px <= config_.placed_sds * config_.placed_sd_px);
+  const bool plain =
+      used >= leds_.size() || (seen_alone_ >= kNoLamps && exact(out.reprojection_px));
   doubts_ = plain ? 0 : doubts_ + 1;
   const auto pictures = static_cast<unsigned>(doubts_);
   const bool time_to_look = pictures >= kDoubtAfter && (std::has_single_bit(pictures) ||
@@ -479,14 +507,14 @@ bool RelativeEstimator::contradicted(const CameraFrame& stored, FrameReport& out
 
 void RelativeEstimator::doubt(FrameReport& out) {
   if (!config_.tell_apart || expecting_ || !out.tracked) return;
-  const bool exact = out.reprojection_px <= config_.placed_sds * config_.placed_sd_px;
   doubt_.feel(filter_.push());
   if (no_doubt(out)) {
     doubt_.be_sure({seen_.data(), seen_.size()});
   } else {
     // Where none fits, a colour may be that of a neighbour.
-    doubt_.look(camera_, leds_, config_.finder.use_color && exact, finder_,
-                {seen_.data(), seen_.size()}, filter_.state().X_NB());
+    const bool colored = config_.finder.use_color && exact(out.reprojection_px);
+    doubt_.look(camera_, leds_, colored, finder_, {seen_.data(), seen_.size()},
+                filter_.state().X_NB());
   }
   const OtherPose* better = doubt_.better();
   if (better == nullptr) return;
@@ -505,7 +533,14 @@ bool RelativeEstimator::place_by_pixels(const CameraFrame& frame, BlobSpan blobs
   LedFrame leds =
       tracker_.track(blobs, found.fit.X_NB, 4 * found.fit.cov, frame.captured, &detail);
   const bool fewer = leds.led_count() < found.frame.led_count();
-  if (leds.seen.size() < found.frame.seen.size()) return true;
+  if (leds.seen.size() < found.frame.seen.size()) {
+    // Lights that run together are paler than those the tracker takes where others show
+    // their colours.
+    leds = found.frame;
+    detail.match = shown_by(found.frame, blobs);
+    detail.images = led_images(camera_, leds_, found.fit.X_NB);
+    if (detail.images.count < leds_.size()) return true;
+  }
   FixedVector<Vector2, kMaxLeds> still;  // its speed is not known yet
   for (int i = 0; i < leds_.size(); ++i) still.push_back(Vector2::Zero());
   resolver_.resolve(frame.color, blobs, detail, {still.data(), still.size()}, leds);
@@ -519,11 +554,41 @@ bool RelativeEstimator::place_by_pixels(const CameraFrame& frame, BlobSpan blobs
     return true;
   }
   // That an LED shares its blob with another is a guess, which explains one more, but
-  // must not fit worse.
-  if (fewer && fit->rms_px > found.fit.rms_px) return true;
+  // must not fit worse, unless so many come of it that it is none.
+  const bool plain = leds.seen.size() >= kNoLamps && exact(fit->rms_px);
+  if (fewer && !plain && fit->rms_px > found.fit.rms_px) return true;
   found.frame = leds;
   found.fit = *fit;
   return true;
+}
+
+std::optional<FoundLeds> RelativeEstimator::told_by_pixels(const CameraFrame& frame,
+                                                           BlobSpan blobs,
+                                                           const Rivals& open) {
+  const LedResolver as_known = resolver_;
+  std::optional<FoundLeds> told;
+  LedResolver learnt = as_known;
+  for (const LedRival& rival : open) {
+    resolver_ = as_known;
+    FoundLeds found;
+    found.fit.X_NB = rival.X_NB;
+    found.fit.cov = rival.cov;
+    place_by_pixels(frame, blobs, found);
+    // Five of many lamps fit as exactly sooner or later.
+    const bool colored = in_own_color(leds_, found.frame, blobs) >= kColored;
+    if (!exact(found) ||
+        found.frame.seen.size() < (colored ? kTellingLeds : kNoLamps)) {
+      continue;
+    }
+    if (told) {
+      resolver_ = as_known;
+      return std::nullopt;
+    }
+    told = std::move(found);
+    learnt = resolver_;
+  }
+  resolver_ = learnt;
+  return told;
 }
 
 double RelativeEstimator::placed_rms_max_px(const Pose& X_NB) const {
