@@ -239,8 +239,8 @@ class RelativeEstimator {
   /// Of what bright lights alone and dim ones, too, say.
   Answer better(const Answer& bright, const Answer& dim) const;
   using Rivals = FixedVector<LedRival, RivalPoses::kMost>;
-  /// Of poses that blobs leave open the one whose pixels show it beyond doubt.
-  /// @returns nothing where they show none so, or several.
+  /// Of poses that blobs leave open the one whose pixels show it beyond doubt: more
+  /// LEDs than of any other stand there exactly.
   std::optional<FoundLeds> told_by_pixels(const CameraFrame& frame, BlobSpan blobs,
                                           const Rivals& open);
   /// In a whole picture, from what stands out in it, `blobs`, to what takes more

@@ -24,6 +24,9 @@ constexpr int kColored = 3;
 // White lights that fit exactly and are so many are none either.
 constexpr std::size_t kNoLamps = 6;
 constexpr double kOwnLight_px = 3;  // from an LED, its blob's middle
+// By so many lights pixels tell one pose from others, unless these fit so much worse.
+constexpr std::size_t kLeadLights = 2;
+constexpr double kLeadRms = 2;
 // Pictures in a row with LEDs missing after which the whole picture is searched for a
 // pose that explains more: then, after twice as many, and so on, at last after every so
 // many.
@@ -197,7 +200,7 @@ bool RelativeEstimator::search(const CameraFrame& stored, const MotionSource& mo
       open = rivals_of(*found);
       if (!open.empty()) found = fail(Fault::ambiguous);
     }
-    if (!found && config_.tell_apart && !at_rest) {
+    if (!found && config_.tell_apart && !at_rest && !only_certain) {
       if (auto told = told_by_pixels(frame, *blobs, open)) found = std::move(*told);
     }
     if (!found && config_.keep_rivals) {
@@ -566,26 +569,36 @@ std::optional<FoundLeds> RelativeEstimator::told_by_pixels(const CameraFrame& fr
                                                            BlobSpan blobs,
                                                            const Rivals& open) {
   const LedResolver as_known = resolver_;
-  std::optional<FoundLeds> told;
   LedResolver learnt = as_known;
+  FixedVector<FoundLeds, RivalPoses::kMost> exactly;
+  std::optional<std::size_t> best;
   for (const LedRival& rival : open) {
     resolver_ = as_known;
     FoundLeds found;
     found.fit.X_NB = rival.X_NB;
     found.fit.cov = rival.cov;
     place_by_pixels(frame, blobs, found);
-    // Five of many lamps fit as exactly sooner or later.
+    if (found.frame.seen.empty() || !exact(found)) continue;
+    // So many of many lamps fit as exactly sooner or later.
     const bool colored = in_own_color(leds_, found.frame, blobs) >= kColored;
-    if (!exact(found) ||
-        found.frame.seen.size() < (colored ? kTellingLeds : kNoLamps)) {
-      continue;
-    }
-    if (told) {
-      resolver_ = as_known;
+    if (rival.by_chance && !colored) continue;
+    exactly.push_back(found);
+    const std::size_t lights = found.frame.seen.size();
+    if (lights < (colored ? kTellingLeds : kNoLamps)) continue;
+    if (best && exactly[*best].frame.seen.size() > lights) continue;
+    best = exactly.size() - 1;
+    learnt = resolver_;
+  }
+  resolver_ = as_known;
+  if (!best) return std::nullopt;
+  const FoundLeds& told = exactly[*best];
+  for (const FoundLeds& other : exactly) {
+    // Noise makes one light two.
+    if (&other != &told &&
+        other.frame.seen.size() + kLeadLights > told.frame.seen.size() &&
+        other.fit.rms_px < kLeadRms * told.fit.rms_px) {
       return std::nullopt;
     }
-    told = std::move(found);
-    learnt = resolver_;
   }
   resolver_ = learnt;
   return told;
