@@ -239,8 +239,9 @@ class RelativeEstimator {
   /// Of what bright lights alone and dim ones, too, say.
   Answer better(const Answer& bright, const Answer& dim) const;
   using Rivals = FixedVector<LedRival, RivalPoses::kMost>;
-  /// Of poses that blobs leave open the one whose pixels show it beyond doubt: more
-  /// LEDs than of any other stand there exactly.
+  /// Of poses that blobs leave open the one whose pixels show it beyond doubt: enough
+  /// lights stand there exactly, and plainly more than for any other that fits nearly
+  /// as well. What its LEDs teach is kept, what the others do is not.
   std::optional<FoundLeds> told_by_pixels(const CameraFrame& frame, BlobSpan blobs,
                                           const Rivals& open);
   /// In a whole picture, from what stands out in it, `blobs`, to what takes more

@@ -568,35 +568,41 @@ bool RelativeEstimator::place_by_pixels(const CameraFrame& frame, BlobSpan blobs
 std::optional<FoundLeds> RelativeEstimator::told_by_pixels(const CameraFrame& frame,
                                                            BlobSpan blobs,
                                                            const Rivals& open) {
+  if (open.empty()) return std::nullopt;
   const LedResolver as_known = resolver_;
   LedResolver learnt = as_known;
-  FixedVector<FoundLeds, RivalPoses::kMost> exactly;
+  struct Fit {
+    std::size_t lights = 0;
+    double rms_px = 0;
+  };
+  FixedVector<Fit, RivalPoses::kMost> exactly;
   std::optional<std::size_t> best;
+  FoundLeds told;
   for (const LedRival& rival : open) {
     resolver_ = as_known;
     FoundLeds found;
     found.fit.X_NB = rival.X_NB;
     found.fit.cov = rival.cov;
     place_by_pixels(frame, blobs, found);
-    if (found.frame.seen.empty() || !exact(found)) continue;
+    const std::size_t lights = found.frame.seen.size();
+    if (lights == 0 || !exact(found)) continue;
     // So many of many lamps fit as exactly sooner or later.
     const bool colored = in_own_color(leds_, found.frame, blobs) >= kColored;
     if (rival.by_chance && !colored) continue;
-    exactly.push_back(found);
-    const std::size_t lights = found.frame.seen.size();
+    exactly.push_back({lights, found.fit.rms_px});
     if (lights < (colored ? kTellingLeds : kNoLamps)) continue;
-    if (best && exactly[*best].frame.seen.size() > lights) continue;
+    if (best && exactly[*best].lights > lights) continue;
     best = exactly.size() - 1;
+    told = found;
     learnt = resolver_;
   }
   resolver_ = as_known;
   if (!best) return std::nullopt;
-  const FoundLeds& told = exactly[*best];
-  for (const FoundLeds& other : exactly) {
+  const Fit& own = exactly[*best];
+  for (const Fit& other : exactly) {
     // Noise makes one light two.
-    if (&other != &told &&
-        other.frame.seen.size() + kLeadLights > told.frame.seen.size() &&
-        other.fit.rms_px < kLeadRms * told.fit.rms_px) {
+    if (&other != &own && other.lights + kLeadLights > own.lights &&
+        other.rms_px < kLeadRms * own.rms_px) {
       return std::nullopt;
     }
   }

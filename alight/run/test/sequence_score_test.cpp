@@ -161,7 +161,7 @@ TEST(MeasureRun, DronesInHardPicturesAreToldFromTheFirstOne) {
     in_the_end += sequence.frames.back().tracked;
   }
   EXPECT_EQ(summarize(*measured).wrong, 0);
-  EXPECT_GE(at_once, 196);  // 99 %, Wilson lower bound over 3,000; 94.9 before
+  EXPECT_GE(at_once, 196);  // 98.6 % of 3,000 are; 94.9 before
   EXPECT_EQ(in_the_end, 200);
 }
 
