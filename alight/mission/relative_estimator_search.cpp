@@ -27,6 +27,14 @@ constexpr double kOwnLight_px = 3;  // from an LED, its blob's middle
 // By so many lights pixels tell one pose from others, unless these fit so much worse.
 constexpr std::size_t kLeadLights = 2;
 constexpr double kLeadRms = 2;
+// Four do, some of them in their LEDs' colours, where they fit so exactly, by pixels
+// and by what noise leaves of them, and others so many times worse: where LEDs are off
+// any of several poses fits once in a while. No light's place is known better than the
+// least.
+constexpr std::size_t kFour = 4;
+constexpr int kFourColored = 2;
+constexpr double kFourRms_px = 0.08, kFourChi2 = 5, kFourLeadRms = 4;
+constexpr double kFourLeast_px = 0.015;
 // Pictures in a row with LEDs missing after which the whole picture is searched for a
 // pose that explains more: then, after twice as many, and so on, at last after every so
 // many.
@@ -283,7 +291,10 @@ Result<FoundLeds> RelativeEstimator::find_anywhere(const CameraFrame& frame,
   const auto find_in = [&](BlobSpan lights, Look look) {
     resolver_ = as_known;
     auto found = finder_.find(lights, frame.captured, look);
-    if (found && config_.tell_apart) place_by_pixels(frame, lights, *found);
+    if (found && config_.tell_apart) {
+      place_by_pixels(frame, lights, *found);
+      leave_out_misfit(*found);
+    }
     return found;
   };
   // A thorough search of many lights takes as long as all the rest: only what is known
@@ -565,6 +576,29 @@ bool RelativeEstimator::place_by_pixels(const CameraFrame& frame, BlobSpan blobs
   return true;
 }
 
+void RelativeEstimator::leave_out_misfit(FoundLeds& found) const {
+  const auto& seen = found.frame.seen;
+  if (exact(found) || seen.size() <= kTellingLeds || found.in_color <= kColored) return;
+  std::optional<PoseFit> best;
+  std::size_t out = 0;
+  for (std::size_t n = 0; n < seen.size(); ++n) {
+    FixedVector<LedObservation, kMaxLeds> others = seen;
+    others.erase(n);
+    const auto fit = refine_pose(camera_, leds_, {others.data(), others.size()},
+                                 found.fit.X_NB, nullptr, 10);
+    if (!fit || fit->rms_px > config_.placed_sd_px) continue;
+    if (best && best->rms_px <= fit->rms_px) continue;
+    best = *fit;
+    out = n;
+  }
+  if (!best) return;
+  found.frame.refused.push_back({seen[out].uv, Refusal::off_constellation});
+  found.frame.seen.erase(out);
+  found.frame.groups.clear();
+  found.fit = *best;
+  --found.in_color;
+}
+
 std::optional<FoundLeds> RelativeEstimator::told_by_pixels(const CameraFrame& frame,
                                                            BlobSpan blobs,
                                                            const Rivals& open) {
@@ -587,11 +621,15 @@ std::optional<FoundLeds> RelativeEstimator::told_by_pixels(const CameraFrame& fr
     const std::size_t lights = found.frame.seen.size();
     if (lights == 0 || !exact(found)) continue;
     // So many of many lamps fit as exactly sooner or later.
-    const bool colored = in_own_color(leds_, found.frame, blobs) >= kColored;
+    const int in_color = in_own_color(leds_, found.frame, blobs);
+    const bool colored = in_color >= kColored;
     if (rival.by_chance && !colored) continue;
     exactly.push_back({lights, found.fit.rms_px});
-    if (lights < (colored ? kTellingLeds : kNoLamps)) continue;
+    const bool four = lights == kFour && in_color >= kFourColored && !rival.by_chance &&
+                      found.fit.rms_px < kFourRms_px && found.fit.chi2 < kFourChi2;
+    if (!four && lights < (colored ? kTellingLeds : kNoLamps)) continue;
     if (best && exactly[*best].lights > lights) continue;
+    if (four && best && exactly[*best].rms_px <= found.fit.rms_px) continue;
     best = exactly.size() - 1;
     told = found;
     learnt = resolver_;
@@ -599,10 +637,13 @@ std::optional<FoundLeds> RelativeEstimator::told_by_pixels(const CameraFrame& fr
   resolver_ = as_known;
   if (!best) return std::nullopt;
   const Fit& own = exactly[*best];
+  const double rival_px = own.lights == kFour
+                              ? kFourLeadRms * std::max(own.rms_px, kFourLeast_px)
+                              : kLeadRms * own.rms_px;
   for (const Fit& other : exactly) {
     // Noise makes one light two.
     if (&other != &own && other.lights + kLeadLights > own.lights &&
-        other.rms_px < kLeadRms * own.rms_px) {
+        other.rms_px < rival_px) {
       return std::nullopt;
     }
   }
