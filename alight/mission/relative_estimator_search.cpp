@@ -187,7 +187,6 @@ bool RelativeEstimator::search(const CameraFrame& stored, const MotionSource& mo
         found = expected;
       }
     }
-    if (found) open.clear();
     // Lamps in a row look like white LEDs that are somewhat off, picture after picture.
     // A drone at rest where it is known to stand does not move either. Six that fit
     // exactly are not somewhat off.
@@ -198,6 +197,7 @@ bool RelativeEstimator::search(const CameraFrame& stored, const MotionSource& mo
                       static_cast<int>(found->frame.seen.size()), true});
       found = fail(Fault::ambiguous);
     }
+    if (found) open.clear();
     if (found && found->another && !filter_.initialized() && !expecting_ &&
         !on_floor_) {
       confirmations_ = 0;
