@@ -281,8 +281,11 @@ const char* TouchDown::moved(const MissionInput& in) {
 
 const char* TouchDown::how_it_stands(const MissionInput& in) const {
   // The middle between the feet is at the origin of B to within the LED frame's error.
-  const bool inside = off_middle(in.x_seen.p_NB) < pad_half_;
-  if (in_sight(in) && !inside) return "motors stopped, not on the pad";
+  const double off = off_middle(in.x_seen.p_NB);
+  if (in_sight(in) && off >= pad_half_) return "motors stopped, not on the pad";
+  if (in_sight(in) && off + foot_spread() > pad_half_) {
+    return "motors stopped, a foot over the pad's edge";
+  }
   if (slid_) return "motors stopped, after a slide";
   return bounced_ ? "motors stopped, after a bounce" : "motors stopped";
 }

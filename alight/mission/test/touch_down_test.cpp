@@ -236,6 +236,10 @@ TEST_F(TouchDownTest, ABounceAndASlideAreToldOnce) {
   EXPECT_STREQ(touch_.moved(in), "it slides on the pad");
   EXPECT_EQ(touch_.moved(in), nullptr);
   EXPECT_STREQ(touch_.how_it_stands(in), "motors stopped, after a slide");
+  in.x_seen.p_NB.x() = rig_.pad.size_m / 2 - 0.9 * touch_.foot_spread();
+  EXPECT_STREQ(touch_.how_it_stands(in), "motors stopped, a foot over the pad's edge");
+  in.x_seen.p_NB.x() = rig_.pad.size_m / 2 - 1.1 * touch_.foot_spread();
+  EXPECT_STREQ(touch_.how_it_stands(in), "motors stopped, after a slide");
   in.x_seen.p_NB.x() = rig_.pad.size_m;
   EXPECT_STREQ(touch_.how_it_stands(in), "motors stopped, not on the pad");
 }
