@@ -27,11 +27,10 @@ constexpr double kOwnLight_px = 3;  // from an LED, its blob's middle
 // By so many lights pixels tell one pose from others, unless these fit so much worse.
 constexpr std::size_t kLeadLights = 2;
 constexpr double kLeadRms = 2;
-// Four do, some of them in their LEDs' colours, where they fit so exactly, by pixels
-// and by what noise leaves of them, and others so many times worse: where LEDs are off
-// any of several poses fits once in a while. No light's place is known better than the
-// least.
-constexpr std::size_t kFour = 4;
+// Four, so few that several readings fit them (PoseDoubt), do, some of them in their
+// LEDs' colours, where they fit so exactly, by pixels and by what noise leaves of them,
+// and others so many times worse: where LEDs are off any of several poses fits once in
+// a while. No light's place is known better than the least.
 constexpr int kFourColored = 2;
 constexpr double kFourRms_px = 0.08, kFourChi2 = 5, kFourLeadRms = 4;
 constexpr double kFourLeast_px = 0.015;
@@ -625,8 +624,9 @@ std::optional<FoundLeds> RelativeEstimator::told_by_pixels(const CameraFrame& fr
     const bool colored = in_color >= kColored;
     if (rival.by_chance && !colored) continue;
     exactly.push_back({lights, found.fit.rms_px});
-    const bool four = lights == kFour && in_color >= kFourColored && !rival.by_chance &&
-                      found.fit.rms_px < kFourRms_px && found.fit.chi2 < kFourChi2;
+    const bool four = lights == PoseDoubt::kFew && in_color >= kFourColored &&
+                      !rival.by_chance && found.fit.rms_px < kFourRms_px &&
+                      found.fit.chi2 < kFourChi2;
     if (!four && lights < (colored ? kTellingLeds : kNoLamps)) continue;
     if (best && exactly[*best].lights > lights) continue;
     if (four && best && exactly[*best].rms_px <= found.fit.rms_px) continue;
@@ -637,7 +637,7 @@ std::optional<FoundLeds> RelativeEstimator::told_by_pixels(const CameraFrame& fr
   resolver_ = as_known;
   if (!best) return std::nullopt;
   const Fit& own = exactly[*best];
-  const double rival_px = own.lights == kFour
+  const double rival_px = own.lights == PoseDoubt::kFew
                               ? kFourLeadRms * std::max(own.rms_px, kFourLeast_px)
                               : kLeadRms * own.rms_px;
   for (const Fit& other : exactly) {

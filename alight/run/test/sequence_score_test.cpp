@@ -165,7 +165,7 @@ TEST(MeasureRun, DronesInHardPicturesAreToldFromTheFirstOne) {
   EXPECT_EQ(in_the_end, 200);
 }
 
-// Blobs of four LEDs leave several poses open in one of five pictures, their pixels
+// Blobs of four LEDs leave several poses open in one of four pictures, their pixels
 // hardly any.
 TEST(MeasureRun, DronesOfFourLedsAreToldFromTheFirstPicture) {
   MeasureOptions options;
