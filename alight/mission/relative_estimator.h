@@ -222,8 +222,9 @@ class RelativeEstimator {
   /// A pose found from blobs, made as exact as the pixels allow.
   /// @returns false where they speak against one of its LEDs; it stays as it was.
   bool place_by_pixels(const CameraFrame& frame, BlobSpan blobs, FoundLeds& found);
-  /// Of six lights or more that fit badly leaves out the one without which the others
-  /// fit exactly, if there is one: an LED that runs together with a lamp.
+  /// Of six lights or more that fit badly, more than three of them in their LEDs'
+  /// colours, leaves out the one without which the others fit to `placed_sd_px`, if
+  /// there is one: an LED that runs together with a lamp.
   void leave_out_misfit(FoundLeds& found) const;
   /// Lights that a pose fits so well, rms, stand as exactly as LEDs do.
   bool exact(double rms_px) const {

@@ -137,6 +137,11 @@ void LedFinder::Search::prepare_corners() {
     for (int l = 0; l < leds.size(); ++l) {
       c.place[static_cast<std::size_t>(l)] = into * (leds.p_BL(l) - first);
     }
+    std::size_t others = 0, own = static_cast<std::size_t>(leds.size()) - 3;
+    for (int l = 0; l < leds.size(); ++l) {
+      const bool is_own = std::find(triple.begin(), triple.end(), l) != triple.end();
+      c.order[is_own ? own++ : others++] = static_cast<std::uint8_t>(l);
+    }
     corners.push_back(c);
   }
 }
@@ -323,7 +328,8 @@ ALIGHT_INLINE void LedFinder::Search::guess_by(std::size_t triple, std::size_t j
     out.cost = 0.1 * (1 - up);
     out.up_C = around.R_CV * up_V;
     std::uint32_t lights = 0;
-    for (std::size_t l = 0; l < n; ++l) {
+    for (std::size_t o = 0; o < n; ++o) {
+      const std::size_t l = c.order[o];
       Vector3 at = seen.place(c.place[l], sign);
       if (exact) at /= std::max(1 + at.z(), 0.1);
       const auto [m, d2] =

@@ -31,6 +31,8 @@ struct LedFinder::Search {
     double aa, bb, ab, det;
     Vector3 up;
     std::array<Vector3, kMaxLeds> place;
+    /// Every LED, the triple's own last: theirs are explained whatever the guess.
+    std::array<std::uint8_t, kMaxLeds> order;
   };
   /// Three blobs taken for three LEDs, and where the other LEDs then are.
   struct Guess {
