@@ -35,12 +35,12 @@ struct Work {
 };
 
 Result<std::vector<FrameScore>> measure_one(const SequenceOptions& one,
-                                            Profile profile) {
+                                            Profile profile, std::size_t bytes_held) {
   // No exceptions of ours, but a library's must not end the program from a thread.
   try {
     auto sequence = Sequence::create(one);
     if (!sequence) return fail(sequence.error());
-    return score_sequence(*sequence, one.rig, profile);
+    return score_sequence(*sequence, one.rig, profile, bytes_held);
   } catch (const std::exception& wrong) {
     return fail(Fault::invalid_input, wrong.what());
   }
@@ -172,12 +172,15 @@ Result<MeasureResult> run_measure(const MeasureOptions& options,
     result.sequences.push_back({measured_sequence(options, seed), {}});
   }
   Work work;
+  const unsigned cores = std::max(1u, std::thread::hardware_concurrency());
+  const unsigned threads =
+      options.jobs > 0 ? static_cast<unsigned>(options.jobs) : cores;
   const auto compute = [&] {
     while (true) {
       const std::size_t i = work.next.fetch_add(1);
       if (i >= result.sequences.size()) return;
       MeasuredSequence& sequence = result.sequences[i];
-      auto scores = measure_one(sequence.options, options.profile);
+      auto scores = measure_one(sequence.options, options.profile, kBytesHeld / threads);
       const std::lock_guard lock(work.mutex);
       if (work.wrong) return;
       if (!scores) {
@@ -191,8 +194,7 @@ Result<MeasureResult> run_measure(const MeasureOptions& options,
       if (progress) progress(work.done);
     }
   };
-  const unsigned cores = std::max(1u, std::thread::hardware_concurrency());
-  on_threads(options.jobs > 0 ? static_cast<unsigned>(options.jobs) : cores, compute);
+  on_threads(threads, compute);
   if (work.wrong) return fail(*work.wrong);
   return result;
 }

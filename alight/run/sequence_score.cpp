@@ -54,7 +54,8 @@ FrameScore score_frame(const FrameReport& report, const RelativeState& truth,
 }
 
 Result<std::vector<FrameScore>> score_sequence(Sequence& sequence, const Rig& rig,
-                                               Profile profile) {
+                                               Profile profile,
+                                               std::size_t bytes_held) {
   const auto config = profile == Profile::paper
                           ? RelativeEstimatorConfig::paper()
                           : RelativeEstimatorConfig::camera_only();
@@ -62,11 +63,21 @@ Result<std::vector<FrameScore>> score_sequence(Sequence& sequence, const Rig& ri
   if (!estimator) return fail(estimator.error());
   const Vector3 p_NC = sequence.true_rig().camera.X_NC.translation();
   const NoMotion motion;
+  const Intrinsics& lens = rig.camera.intrinsics;
+  MadeInBulk<ColorBuffer> pictures(
+      [&, k = 0](ColorBuffer& one) mutable -> Result<bool> {
+        if (k == sequence.frames()) return false;
+        if (auto good = sequence.render(k++, one); !good) return fail(good.error());
+        return true;
+      },
+      3u * static_cast<unsigned>(lens.width * lens.height), bytes_held);
   ColorBuffer color;
   FrameReport report;
   std::vector<FrameScore> scores;
-  for (int k = 0; k < sequence.frames(); ++k) {
-    if (auto good = sequence.render(k, color); !good) return fail(good.error());
+  for (int k = 0;; ++k) {
+    const auto more = pictures.next(color);
+    if (!more) return fail(more.error());
+    if (!*more) break;
     CameraFrame frame;
     frame.captured = frame.received = sequence.time(k);
     frame.color = color.view();

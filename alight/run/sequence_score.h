@@ -4,6 +4,7 @@
 
 #include "alight/base/result.h"
 #include "alight/mission/landing_config.h"
+#include "alight/run/made_in_bulk.h"
 #include "alight/run/sequence.h"
 
 namespace alight {
@@ -37,7 +38,9 @@ FrameScore score_frame(const FrameReport& report, const RelativeState& truth,
 /// The estimator over a whole sequence, with nothing known but the pictures.
 ///
 /// @param rig What the estimator is told; may differ from what flies.
+/// @param bytes_held Room for pictures that are rendered at a time (made_in_bulk.h).
 Result<std::vector<FrameScore>> score_sequence(Sequence& sequence, const Rig& rig,
-                                               Profile profile);
+                                               Profile profile,
+                                               std::size_t bytes_held = kBytesHeld);
 
 }  // namespace alight

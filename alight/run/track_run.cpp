@@ -15,6 +15,7 @@
 #include "alight/io/pose_log.h"
 #include "alight/io/rig_yaml.h"
 #include "alight/run/json_lines.h"
+#include "alight/run/made_in_bulk.h"
 
 namespace alight {
 namespace {
@@ -82,12 +83,20 @@ Result<TrackRunResult> run_track(const TrackRunOptions& options) {
   if (!source) return fail(source.error());
 
   TrackRunResult result;
+  const Intrinsics& lens = options.rig.camera.intrinsics;
+  MadeInBulk<SourceFrame> pictures(
+      [&](SourceFrame& one) {
+        auto more = source->next(one);
+        if (!options.depth) one.depth = {};
+        return more;
+      },
+      (options.depth ? 5u : 3u) * static_cast<unsigned>(lens.width * lens.height));
   SourceFrame picture;
   FrameReport report;
   std::vector<double> us, reprojection;
   bool any_depth = false;
   while (true) {
-    const auto more = source->next(picture);
+    const auto more = pictures.next(picture);
     if (!more) return fail(more.error());
     if (!*more) break;
     any_depth = any_depth || !picture.depth.empty();

@@ -34,7 +34,8 @@ struct TrackRunResult {
   bool measured_rig = false;  ///< By the parked drone.
   double gamma = 1;           ///< As Rig::gamma, told or found out.
   Seconds longest_gap = 0;
-  double us_median = 0;  ///< Of a picture, by the machine's clock, reading it left out.
+  double us_median = 0;  ///< Of a picture in memory, by the machine's clock: many are
+                         ///< read first (made_in_bulk.h), then tracked one by one.
   double us_p99 = 0;
   double reprojection_px = 0;  ///< Median over the tracked pictures, NaN if none.
 
