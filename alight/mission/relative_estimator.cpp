@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <utility>
 
 #include "alight/geometry/row_delay.h"
 
@@ -17,7 +18,6 @@ constexpr double kNearestLens = 0.1;  // m
 constexpr double kSoundNis = 2;       // mean NIS of LEDs seen well, 1 by the model
 constexpr double kUsualMemory = 20;   // fits
 constexpr int kMisfits = 10;          // pictures in a row that show LEDs to be off
-constexpr int kLearnerSteps = 2;      // for each picture that it keeps
 // With no more than these there is little misfit, wherever the LEDs are,
 constexpr int kFewLeds = 3;
 // and with a misfit of more than this, px, they tell another pose than more do.
@@ -40,140 +40,13 @@ constexpr unsigned kLookAgainEvery = 8;
 constexpr int kNoisyPictures = 30;
 // m/s, and sd of what is known of it: so fast it is seen to move.
 constexpr double kMoves = 0.05, kMovesSds = 3;
-constexpr double kGammaKept = 0.07;    // change of its logarithm that does not matter
-constexpr double kGammaBlur_px = 0.7;  // streaks are no round lights
-constexpr int kAroundRoi_px = 24;      // that fits to lights in it look at
+constexpr int kAroundRoi_px = 24;  // that fits to lights in it look at
 
 Roi grown(const Roi& roi, int px) {
   return {roi.u0 - px, roi.v0 - px, roi.u1 + px, roi.v1 + px};
 }
 
-using FewLights = FixedVector<Vector2, GammaLearner::kLightsMost>;
-
-/// The two lights of one LED each that stand nearest to one another among those that
-/// tell a gamma, with one more that may stand beside them; none: empty.
-FewLights lights_side_by_side(const FrameReport& report, const Constellation& leds,
-                              double sd_px) {
-  FixedVector<LedObservation, kMaxLeds> seen;
-  for (const LedUse& use : report.leds) {
-    if (std::has_single_bit(use.observation.leds)) seen.push_back(use.observation);
-  }
-  const auto color_of = [&](const LedObservation& o) {
-    return leds.color(std::countr_zero(o.leds));
-  };
-  const double alone_px = GammaLearner::kAlone * sd_px;
-  const auto group_of = [&](const LedObservation& a, const LedObservation& b) {
-    const auto beside = [&](const Vector2& uv) {
-      return (uv - a.uv).norm() < alone_px || (uv - b.uv).norm() < alone_px;
-    };
-    FewLights group;
-    for (const LedObservation& o : seen) {
-      if (!beside(o.uv)) continue;
-      if (color_of(o) != color_of(a) || !group.push_back(o.uv)) return FewLights();
-    }
-    for (const RefusedBlob& blob : report.refused) {
-      if (beside(blob.uv)) return FewLights();
-    }
-    return group;
-  };
-  FewLights best;
-  double nearest = GammaLearner::kFarthest * sd_px;
-  for (std::size_t i = 0; i < seen.size(); ++i) {
-    for (std::size_t k = 0; k < i; ++k) {
-      const double apart = (seen[i].uv - seen[k].uv).norm();
-      if (apart < GammaLearner::kNearest * sd_px || apart > nearest) continue;
-      const FewLights group = group_of(seen[i], seen[k]);
-      if (group.empty()) continue;
-      best = group;
-      nearest = apart;
-    }
-  }
-  return best;
-}
-
 }  // namespace
-
-Result<void> RelativeEstimatorConfig::validate() const {
-  if (auto good = blobs.validate(); !good) return good;
-  if (auto good = finder.validate(); !good) return good;
-  if (auto good = tracker.validate(); !good) return good;
-  if (auto good = resolver.validate(); !good) return good;
-  if (auto good = filter.validate(); !good) return good;
-  if (auto good = rest.validate(); !good) return good;
-  if (auto good = learner.validate(); !good) return good;
-  if (auto good = errors.validate(); !good) return good;
-  if (!(prediction_step_ms >= 1 && prediction_step_ms <= 50)) {
-    return fail(Fault::invalid_config, "prediction_step_ms must lie in [1, 50]");
-  }
-  if (frozen_pictures < 0 || frozen_pictures == 1) {
-    return fail(Fault::invalid_config, "frozen_pictures must be 0 or at least 2");
-  }
-  if (misses_before_search < 1) {
-    return fail(Fault::invalid_config, "misses_before_search must be at least 1");
-  }
-  if (!(forget_after_s > 0 && reprojection_max_px > 0 && search_gate_m >= 0)) {
-    return fail(
-        Fault::invalid_config,
-        "forget_after_s, reprojection_max_px and search_gate_m must be positive");
-  }
-  if (!(reach_m >= 0 && reach_m_s >= 0)) {
-    return fail(Fault::invalid_config, "reach_m and reach_m_s must not be negative");
-  }
-  if (!(told_sd_m >= 0 && told_sd_deg >= 0 && coast_s >= 0)) {
-    return fail(Fault::invalid_config,
-                "told_sd_m, told_sd_deg and coast_s must not be negative");
-  }
-  if (!(reckoned_sd_m_s > 0 && found_sd_m_s > 0)) {
-    return fail(Fault::invalid_config,
-                "reckoned_sd_m_s and found_sd_m_s must be positive");
-  }
-  if (!(placed_sd_px > 0 && placed_sds > 0)) {
-    return fail(Fault::invalid_config, "placed_sd_px and placed_sds must be positive");
-  }
-  return {};
-}
-
-RelativeEstimatorConfig RelativeEstimatorConfig::paper() {
-  RelativeEstimatorConfig config;
-  config.blobs.smooth = true;
-  config.blobs.depth_threshold_m = 2.5;  // the effective landing distance
-  config.blobs.grey_threshold = 150;     // its initialization bears no mirror image
-  config.blobs.dim_threshold = 0;
-  config.finder.profile = LedFinderConfig::Profile::paper;
-  config.tracker.profile = LedTrackerConfig::Profile::paper;
-  config.filter = RelativeFilterConfig::paper();
-  config.reprojection_max_px = 10;
-  config.calibrate_at_rest = false;
-  config.learn_led_errors = false;
-  config.tell_apart = false;
-  config.learn_gamma = false;
-  config.heed_noise = false;
-  config.keep_rivals = false;
-  config.search_lean_deg = 180;
-  config.reach_m_s = 0;
-  return config;
-}
-
-RelativeEstimatorConfig RelativeEstimatorConfig::camera_only() {
-  RelativeEstimatorConfig config;
-  config.prediction_step_ms = 50;  // nothing happens between pictures
-  config.frozen_pictures = 2;
-  config.told_when_it_rests = false;
-  config.search_lean_deg = 180;
-  config.reach_m_s = 0;
-  config.filter = RelativeFilterConfig::camera_only();
-  config.found_sd_m_s = 0.7;        // drones before a camera reach 1.8 m/s
-  config.learn_led_errors = false;  // how far they are off, is to be learnt, too
-  config.learn_leds = true;
-  config.tell_led_frame = true;
-  // Three of them lie within the limits of a wrong pose, 0.15 m and 15 deg.
-  config.coast_s = 0.15;  // lamps hide a drone that passes them for as long
-  config.told_sd_m = 0.05;
-  config.told_sd_deg = 5;
-  config.suppose_gamma_after = 4;
-  config.learn_leds_from_m = 0.0008;  // what noise may feign, seen from 3 m, is less
-  return config;
-}
 
 PredictionInput NoMotion::at(Time t, const RelativeState&) const {
   PredictionInput input;
@@ -367,35 +240,10 @@ bool RelativeEstimator::fuse(const CameraFrame& given, const MotionSource& motio
   return true;
 }
 
-void RelativeEstimator::take_gamma(double gamma) {
-  linear_.set_gamma(gamma);
-  resolver_.forget_lights();
-  if (config_.heed_noise) set_noise();
-}
-
 void RelativeEstimator::set_noise() {
   const PictureNoise noise = linear_.of(noise_);
   detector_.set_noise(noise);
   resolver_.set_noise(noise);
-}
-
-void RelativeEstimator::learn_gamma(const ImageView& stored, const FrameReport& out) {
-  if (gamma_learner_.busy()) {
-    gamma_learner_.step();
-    if (gamma_learner_.busy()) return;
-    const auto found = gamma_learner_.gamma();
-    if (!found) return;
-    if (std::abs(std::log(*found / linear_.gamma())) > kGammaKept) take_gamma(*found);
-    return;
-  }
-  if (!out.tracked || gamma_learner_.settled() || stored.mosaic != Mosaic::none) return;
-  const double sd_px = std::sqrt(resolver_.spread().variance_px2 * linear_.gamma());
-  const FewLights lights = lights_side_by_side(out, leds_, sd_px);
-  if (lights.empty()) return;
-  for (const Vector2& blur_px : image_motion(filter_.state().X_NB())) {
-    if (blur_px.norm() > kGammaBlur_px) return;
-  }
-  gamma_learner_.look(stored, {lights.data(), lights.size()}, sd_px, noise_);
 }
 
 bool RelativeEstimator::unseen_for_long(Time t) const {
@@ -753,40 +601,6 @@ void RelativeEstimator::begin_anew() {
   remember_fit(0, 0);
 }
 
-void RelativeEstimator::learn_leds(const LedFrame& leds, const UpdateReport& report) {
-  FixedVector<LedLearner::Image, kMaxLeds> images;
-  for (const ObservationReport& used : report.seen) {
-    if (!std::has_single_bit(used.leds) || !used.alone) continue;
-    for (const LedObservation& o : leds.seen) {
-      if (o.leds != used.leds) continue;
-      const double variance = filter_.image_noise() * o.cov.trace() / 2;
-      images.push_back({std::countr_zero(o.leds), o.uv, variance});
-    }
-  }
-  if (learner_.offer(filter_.state().X_NB(), {images.data(), images.size()})) {
-    steps_ = kLearnerSteps;
-  }
-  if (!learning_ || steps_ == 0) return;
-  --steps_;
-  if (!learner_.step()) return;
-  take_leds(learner_.leds(), learner_.cov());
-}
-
-void RelativeEstimator::learn_led_errors(const LedInformation& told, Time t) {
-  const Seconds since = std::clamp(to_seconds(t - last_told_of_leds_), 0.0, 60.0);
-  last_told_of_leds_ = t;
-  (void)errors_.add(told, since);
-  take_leds(errors_.leds(), errors_.cov());
-}
-
-void RelativeEstimator::take_leds(const Constellation& leds, const LedCovariance& cov) {
-  leds_ = leds;
-  filter_.correct_leds(leds_, cov);
-  tracker_.set_rig(camera_, leds_);
-  resolver_.set_rig(camera_, leds_);
-  leds_moved_ = true;
-}
-
 FixedVector<Vector2, kMaxLeds> RelativeEstimator::image_motion(const Pose& X_NB) const {
   FixedVector<Vector2, kMaxLeds> out;
   for (int i = 0; i < leds_.size(); ++i) {
@@ -842,63 +656,6 @@ void RelativeEstimator::expect(const Pose& X_NB, const Matrix6& cov) {
   X_NB_expected_ = X_NB_rest_ = X_NB;
   cov_expected_ = cov;
   rest_images_.forget();
-}
-
-void RelativeEstimator::remember_rest(const LedFrame& leds) {
-  for (const LedObservation& o : leds.seen) {
-    if (std::has_single_bit(o.leds)) rest_images_.add(std::countr_zero(o.leds), o.uv);
-  }
-}
-
-Result<RestFit> RelativeEstimator::calibrate_at_rest() {
-  if (!config_.calibrate_at_rest || !expecting_ || !filter_.initialized()) {
-    return fail(Fault::too_few_points);
-  }
-  FixedVector<LedObservation, kMaxLeds> seen;
-  for (int i = 0; i < leds_.size(); ++i) {
-    const auto uv = rest_images_.mean(i, config_.rest_pictures);
-    if (!uv) continue;
-    LedObservation o;
-    o.leds = static_cast<std::uint16_t>(1u << i);
-    o.uv = *uv;
-    seen.push_back(o);
-  }
-  const auto fit =
-      alight::calibrate_at_rest(config_.rest, camera_written_, leds_written_,
-                                {seen.data(), seen.size()}, X_NB_expected_);
-  if (!fit) return fail(fit.error());
-  take_rest(*fit, static_cast<int>(seen.size()), filter_.time());
-  return fit;
-}
-
-void RelativeEstimator::take_rest(const RestFit& fit, int leds_seen, Time t) {
-  camera_ = fit.camera;
-  leds_ = fit.leds;
-  errors_.measured(leds_, fit.led_cov);
-  // One that was not seen at rest is known no better than before.
-  const bool all = leds_seen == leds_.size();
-  const double led_sd_m = all ? config_.rest_led_sd_m : config_.rest.led_sd_m;
-  config_.finder.led_sd_m = led_sd_m;
-  tracker_.set_rig(camera_, leds_, led_sd_m);
-  finder_.set_rig(camera_, leds_, led_sd_m);
-  resolver_.set_rig(camera_, leds_);
-  forget_past();
-  filter_.set_rig(camera_, leds_, led_sd_m);
-  rivals_.set_rig(camera_, filter_);
-  config_.learn_leds = learning_ = leds_moved_ = false;
-  rig_measured_ = true;
-  rest_leds_ = leds_seen;
-  X_NB_rest_ = fit.X_NB;
-  // They fit where it stands, whatever is wrong with them elsewhere.
-  misfit_least_ = led_sd_m * camera_.intrinsics.fx;
-  RelativeState x;
-  x.p_NB = fit.X_NB.translation();
-  x.R_NB = fit.X_NB.linear();
-  Covariance9 cov = Covariance9::Zero();
-  cov.diagonal() << Vector3::Constant(2.5e-5), Vector3::Constant(1e-3),
-      Vector3::Constant(1e-4);
-  if (config_.learn_led_errors) filter_.correct_leds(leds_, errors_.cov());
-  filter_.reset(t, x, cov);
 }
 
 void RelativeEstimator::report_state(FrameReport& out) const {

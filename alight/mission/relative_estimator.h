@@ -190,6 +190,10 @@ class RelativeEstimator {
  private:
   /// So many LEDs leave more of their images' errors than the pose takes up by chance.
   static constexpr std::size_t kTellingLeds = 5;
+  /// So many lights in the colours of their LEDs are no lamps; nor are white ones that
+  /// fit exactly and are so many.
+  static constexpr int kColored = 3;
+  static constexpr std::size_t kNoLamps = 6;
 
   RelativeEstimator(const RelativeEstimatorConfig& config, const Rig& rig,
                     BlobDetector detector, LedFinder finder, LedTracker tracker,

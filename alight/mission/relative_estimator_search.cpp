@@ -1,10 +1,10 @@
-// How RelativeEstimator finds a pose in a whole picture, and when it believes one.
+// How RelativeEstimator finds a pose in a whole picture.
 #include <algorithm>
 #include <bit>
-#include <cmath>
 #include <tuple>
 #include <utility>
 
+#include "alight/geometry/near.h"
 #include "alight/mission/relative_estimator.h"
 #include "alight/vision/blobs_apart.h"
 #include "alight/vision/lights_fitted.h"
@@ -16,37 +16,12 @@ constexpr double kGammaUsual = 2.2;  // of pictures for people to look at
 // LEDs taken for others may fit this much worse than the best answer and still be
 // right.
 constexpr double kRivalRms = 3;
-// One that has followed them through pictures is wrong if others fit so many times
-// better.
-constexpr double kMisreadRms = 2;
-// So many lights in the colours of their LEDs are no lamps.
-constexpr int kColored = 3;
-// White lights that fit exactly and are so many are none either.
-constexpr std::size_t kNoLamps = 6;
-constexpr double kOwnLight_px = 3;  // from an LED, its blob's middle
-// By so many lights pixels tell one pose from others, unless these fit so much worse.
-constexpr std::size_t kLeadLights = 2;
-constexpr double kLeadRms = 2;
-// Four, so few that several readings fit them (PoseDoubt), do, some of them in their
-// LEDs' colours, where they fit so exactly, by pixels and by what noise leaves of them,
-// and others so many times worse: where LEDs are off any of several poses fits once in
-// a while. No light's place is known better than the least.
-constexpr int kFourColored = 2;
-constexpr double kFourRms_px = 0.08, kFourChi2 = 5, kFourLeadRms = 4;
-constexpr double kFourLeast_px = 0.015;
 // Pictures in a row with LEDs missing after which the whole picture is searched for a
 // pose that explains more: then, after twice as many, and so on, at last after every so
 // many.
 constexpr unsigned kDoubtAfter = 4, kDoubtEvery = 256;
 constexpr std::size_t kHandful = 24;  // Lights: a thorough search costs little.
-constexpr double kRestReach = 4;      // sd of its place, from where it is expected
 constexpr int kRestLeds = 4;          // of a drone at rest that do to start with
-constexpr double kReachSds = 3;  // Where nobody tells how it moves it may be far off.
-// Another drone is the same from picture to picture; one that leans as it should is
-// not.
-constexpr double kOtherWithin = 0.3, kOtherTurns = 12 * kDegree;
-constexpr Seconds kOtherStays = 3;
-constexpr double kFlies = 0.5;  // With at least so much of its weight in thrust.
 
 Covariance9 covariance_of(const PoseFit& fit, double velocity_sd) {
   Covariance9 cov = Covariance9::Zero();
@@ -55,41 +30,6 @@ Covariance9 covariance_of(const PoseFit& fit, double velocity_sd) {
   cov.block<3, 3>(3, 3).diagonal().array() += 1e-7;
   cov.bottomRightCorner<3, 3>().diagonal().setConstant(velocity_sd * velocity_sd);
   return cov;
-}
-
-bool near(const Pose& a, const Pose& b, double distance, double turn) {
-  return (a.translation() - b.translation()).norm() < distance &&
-         so3_log(a.linear().transpose() * b.linear()).norm() < turn;
-}
-
-/// Which of `blobs` shows which LED, as found in them.
-Assignment shown_by(const LedFrame& found, BlobSpan blobs) {
-  Assignment match;
-  for (const LedObservation& o : found.seen) {
-    const auto blob = std::find_if(blobs.begin(), blobs.end(),
-                                   [&](const Blob& b) { return b.uv == o.uv; });
-    if (blob == blobs.end()) continue;
-    ++match.blobs;
-    for (std::size_t i = 0; i < kMaxLeds; ++i) {
-      if (!((o.leds >> i) & 1)) continue;
-      match.blob[i] = static_cast<int>(blob - blobs.begin());
-      ++match.leds;
-    }
-  }
-  return match;
-}
-
-/// How many of its lights are of the colour of their LEDs.
-int in_own_color(const Constellation& leds, const LedFrame& frame, BlobSpan blobs) {
-  int count = 0;
-  for (const LedObservation& o : frame.seen) {
-    const LedColor own = leds.color(std::countr_zero(o.leds));
-    count += own != LedColor::white && own != LedColor::none &&
-             std::any_of(blobs.begin(), blobs.end(), [&](const Blob& b) {
-               return b.color == own && (b.uv - o.uv).norm() < kOwnLight_px;
-             });
-  }
-  return count;
 }
 
 }  // namespace
@@ -341,17 +281,6 @@ Result<FoundLeds> RelativeEstimator::find_anywhere(const CameraFrame& frame,
   return best.found;
 }
 
-// It may be anywhere, and four lamps look like four of its LEDs sooner or later.
-bool RelativeEstimator::forgotten_in_flight() const {
-  return config_.reach_m_s > 0 && !filter_.initialized() && !expecting_ &&
-         beyond_doubt_;
-}
-
-bool RelativeEstimator::beyond_doubt(const Result<FoundLeds>& found) const {
-  if (!found || !config_.tell_apart) return found.has_value();
-  return found->frame.seen.size() >= kTellingLeds && exact(*found);
-}
-
 RelativeEstimator::Answer RelativeEstimator::better(const Answer& bright,
                                                     const Answer& dim) const {
   if (!bright.found || !dim.found) return bright.found ? bright : dim;
@@ -400,18 +329,6 @@ RelativeEstimator::Rivals RelativeEstimator::rivals_of(FoundLeds& found) const {
   }
   if (open.size() == 1) open.clear();
   return open;
-}
-
-bool RelativeEstimator::misread(const FoundLeds& found) const {
-  if (found.frame.seen.size() > PoseDoubt::kFew) return false;
-  OtherPoses others;
-  find_other_poses(camera_, leds_, config_.finder.use_color, finder_,
-                   {found.frame.seen.data(), found.frame.seen.size()}, found.fit.X_NB,
-                   found.fit.rms_px / kMisreadRms, others);
-  return std::any_of(others.begin(), others.end(), [&](const OtherPose& other) {
-    return !near(other.fit.X_NB, found.fit.X_NB, config_.placed_within_m,
-                 config_.placed_within_deg * kDegree);
-  });
 }
 
 void RelativeEstimator::go_on_from(const FoundLeds& found, Time t, FrameReport& out) {
@@ -540,205 +457,6 @@ void RelativeEstimator::doubt(FrameReport& out) {
   found_again_ = false;
 }
 
-bool RelativeEstimator::place_by_pixels(const CameraFrame& frame, BlobSpan blobs,
-                                        FoundLeds& found) {
-  TrackDetail detail;
-  LedFrame leds =
-      tracker_.track(blobs, found.fit.X_NB, 4 * found.fit.cov, frame.captured, &detail);
-  const bool fewer = leds.led_count() < found.frame.led_count();
-  if (leds.seen.size() < found.frame.seen.size()) {
-    // Lights that run together are paler than those the tracker takes where others show
-    // their colours.
-    leds = found.frame;
-    detail.match = shown_by(found.frame, blobs);
-    detail.images = led_images(camera_, leds_, found.fit.X_NB);
-    if (detail.images.count < leds_.size()) return true;
-  }
-  FixedVector<Vector2, kMaxLeds> still;  // its speed is not known yet
-  for (int i = 0; i < leds_.size(); ++i) still.push_back(Vector2::Zero());
-  resolver_.resolve(frame.color, blobs, detail, {still.data(), still.size()}, leds);
-  // Of five whose pixels speak against one the other four are no better for that.
-  if (leds.seen.size() < found.frame.seen.size()) return false;
-  if (leds.seen.size() < 4) return true;  // Three always fit.
-  const auto fit = refine_pose(camera_, leds_, {leds.seen.data(), leds.seen.size()},
-                               found.fit.X_NB, nullptr, 10);
-  if (!fit || !near(fit->X_NB, found.fit.X_NB, config_.placed_within_m,
-                    config_.placed_within_deg * kDegree)) {
-    return true;
-  }
-  // That an LED shares its blob with another is a guess, which explains one more, but
-  // must not fit worse, unless so many come of it that it is none.
-  const bool plain = leds.seen.size() >= kNoLamps && exact(fit->rms_px);
-  if (fewer && !plain && fit->rms_px > found.fit.rms_px) return true;
-  found.frame = leds;
-  found.fit = *fit;
-  return true;
-}
-
-void RelativeEstimator::leave_out_misfit(FoundLeds& found) const {
-  const auto& seen = found.frame.seen;
-  if (exact(found) || seen.size() <= kTellingLeds || found.in_color <= kColored) return;
-  std::optional<PoseFit> best;
-  std::size_t out = 0;
-  for (std::size_t n = 0; n < seen.size(); ++n) {
-    FixedVector<LedObservation, kMaxLeds> others = seen;
-    others.erase(n);
-    const auto fit = refine_pose(camera_, leds_, {others.data(), others.size()},
-                                 found.fit.X_NB, nullptr, 10);
-    if (!fit || fit->rms_px > config_.placed_sd_px) continue;
-    if (best && best->rms_px <= fit->rms_px) continue;
-    best = *fit;
-    out = n;
-  }
-  if (!best) return;
-  found.frame.refused.push_back({seen[out].uv, Refusal::off_constellation});
-  found.frame.seen.erase(out);
-  found.frame.groups.clear();
-  found.fit = *best;
-  --found.in_color;
-}
-
-std::optional<FoundLeds> RelativeEstimator::told_by_pixels(const CameraFrame& frame,
-                                                           BlobSpan blobs,
-                                                           const Rivals& open) {
-  if (open.empty()) return std::nullopt;
-  const LedResolver as_known = resolver_;
-  LedResolver learnt = as_known;
-  struct Fit {
-    std::size_t lights = 0;
-    double rms_px = 0;
-  };
-  FixedVector<Fit, RivalPoses::kMost> exactly;
-  std::optional<std::size_t> best;
-  FoundLeds told;
-  for (const LedRival& rival : open) {
-    resolver_ = as_known;
-    FoundLeds found;
-    found.fit.X_NB = rival.X_NB;
-    found.fit.cov = rival.cov;
-    place_by_pixels(frame, blobs, found);
-    const std::size_t lights = found.frame.seen.size();
-    if (lights == 0 || !exact(found)) continue;
-    // So many of many lamps fit as exactly sooner or later.
-    const int in_color = in_own_color(leds_, found.frame, blobs);
-    const bool colored = in_color >= kColored;
-    if (rival.by_chance && !colored) continue;
-    exactly.push_back({lights, found.fit.rms_px});
-    const bool four = lights == PoseDoubt::kFew && in_color >= kFourColored &&
-                      !rival.by_chance && found.fit.rms_px < kFourRms_px &&
-                      found.fit.chi2 < kFourChi2;
-    if (!four && lights < (colored ? kTellingLeds : kNoLamps)) continue;
-    if (best && exactly[*best].lights > lights) continue;
-    if (four && best && exactly[*best].rms_px <= found.fit.rms_px) continue;
-    best = exactly.size() - 1;
-    told = found;
-    learnt = resolver_;
-  }
-  resolver_ = as_known;
-  if (!best) return std::nullopt;
-  const Fit& own = exactly[*best];
-  const double rival_px = own.lights == PoseDoubt::kFew
-                              ? kFourLeadRms * std::max(own.rms_px, kFourLeast_px)
-                              : kLeadRms * own.rms_px;
-  for (const Fit& other : exactly) {
-    // Noise makes one light two.
-    if (&other != &own && other.lights + kLeadLights > own.lights &&
-        other.rms_px < rival_px) {
-      return std::nullopt;
-    }
-  }
-  resolver_ = learnt;
-  return told;
-}
-
-double RelativeEstimator::placed_rms_max_px(const Pose& X_NB) const {
-  const double range = (X_NB.translation() - camera_.X_NC.translation()).norm();
-  const double led_px =
-      config_.finder.led_sd_m * camera_.intrinsics.fx / std::max(range, 0.05);
-  return config_.placed_sds * std::hypot(config_.placed_sd_px, led_px);
-}
-
-double RelativeEstimator::rest_rms_max_px(const Pose& X_NB) const {
-  return std::max(config_.reprojection_max_px, placed_rms_max_px(X_NB));
-}
-
-bool RelativeEstimator::believable(const FoundLeds& found, Time t) {
-  // Just where it is expected no lamps stand by chance.
-  if (near(filter_.state().X_NB(), found.fit.X_NB, config_.expected_within_m,
-           config_.expected_within_deg * kDegree)) {
-    confirmations_ = 0;
-    return true;
-  }
-  // Lamps that look like the constellation do so less exactly than the LEDs did.
-  if (usual_misfit_ > 0 && found.fit.rms_px > exact_px(found.fit.X_NB.translation())) {
-    confirmations_ = 0;
-    return false;
-  }
-  const Seconds unseen = to_seconds(t - last_sight_);
-  const auto lights = static_cast<int>(found.frame.seen.size());
-  if (near(filter_.state().X_NB(), found.fit.X_NB,
-           config_.search_gate_m + config_.search_drift_m_s * unseen,
-           config_.search_turn_deg * kDegree)) {
-    // Among many lamps four lie by chance as four LEDs may, or as more that run
-    // together, and in a row even five as those of six.
-    if (lights <= config_.search_leds) return confirmed(found.fit.X_NB);
-    confirmations_ = 0;
-    return true;
-  }
-  return lights >= config_.search_leds && confirmed(found.fit.X_NB);
-}
-
-void RelativeEstimator::refuse(const Pose& X_NB, Time t) {
-  forget();
-  rivals_.clear();
-  doubt_.clear();
-  beyond_doubt_.reset();
-  other_ = Seen{X_NB, t};
-}
-
-bool RelativeEstimator::is_other(const Pose& X_NB, Time t) {
-  const bool there = other_ && to_seconds(t - other_->t) < kOtherStays &&
-                     near(other_->X_NB, X_NB, kOtherWithin, kOtherTurns);
-  if (there) other_ = Seen{X_NB, t};
-  return there;
-}
-
-bool RelativeEstimator::within_reach(const Pose& X_NB, Time t) const {
-  if (!filter_.initialized() || !beyond_doubt_ || config_.reach_m_s <= 0) return true;
-  const double by_time =
-      config_.reach_m + config_.reach_m_s * to_seconds(t - beyond_doubt_->t);
-  const double reach = std::max(by_time, kReachSds * filter_.position_sd());
-  const auto off = [&](const Vector3& p_NB) {
-    return (X_NB.translation() - p_NB).norm();
-  };
-  // Something may hold it that set-points know nothing of.
-  return off(filter_.state().p_NB) <= reach ||
-         off(beyond_doubt_->X_NB.translation()) <= by_time;
-}
-
-// Telemetry tells how it leans however long it is out of sight. Lamps that look like
-// LEDs look like those of a drone that leans anyhow.
-bool RelativeEstimator::leans_as_known(const Matrix3& R_NB) const {
-  if (lift_N_.norm() < kFlies || config_.search_lean_deg >= 180) return true;
-  const double along = R_NB.col(2).dot(lift_N_.normalized());
-  return along > std::cos(config_.search_lean_deg * kDegree);
-}
-
-bool RelativeEstimator::believable_on_floor(const FoundLeds& found) {
-  const Pose& X_NB = found.fit.X_NB;
-  return found.frame.led_count() >= config_.search_leds &&
-         X_NB.linear()(2, 2) > std::cos(config_.floor_tilt_deg * kDegree) &&
-         X_NB.translation().z() < config_.floor_height_m && confirmed(X_NB);
-}
-
-bool RelativeEstimator::confirmed(const Pose& X_NB) {
-  const bool again = near(X_NB_contrary_, X_NB, config_.search_gate_m,
-                          config_.search_turn_deg * kDegree);
-  confirmations_ = again ? confirmations_ + 1 : 1;
-  X_NB_contrary_ = X_NB;
-  return confirmations_ >= config_.search_confirmations;
-}
-
 BlobSpan RelativeEstimator::without_twins(BlobSpan blobs) {
   no_twins_.clear();
   for (const Blob& blob : blobs) {
@@ -752,109 +470,6 @@ BlobSpan RelativeEstimator::without_twins(BlobSpan blobs) {
     }
   }
   return {no_twins_.data(), no_twins_.size()};
-}
-
-bool RelativeEstimator::start_at_rest(BlobSpan blobs, Time t, int leds_least,
-                                      FrameReport& out) {
-  if (!config_.tell_apart || !config_.calibrate_at_rest) return false;
-  LedFrame frame;
-  const BlobSpan alone = without_twins(blobs);
-  auto fit = find_at_rest(alone, leds_least, frame);
-  const bool twins = !fit;
-  if (twins && alone.size() < blobs.size())
-    fit = find_at_rest(blobs, leds_least, frame);
-  if (!fit) return false;
-  ignores_twins_ = !twins;
-  frame.t = t;
-  take_rest(*fit, static_cast<int>(frame.seen.size()), t);
-  FoundLeds found;
-  found.frame = frame;
-  found.fit.X_NB = fit->X_NB;
-  found.fit.rms_px = fit->rms_px;
-  fresh_ = found_again_ = false;
-  usual_misfit_ = 0;
-  start_from(found, t, out);
-  return true;
-}
-
-Result<RestFit> RelativeEstimator::find_at_rest(BlobSpan blobs, int leds_least,
-                                                LedFrame& frame) const {
-  const LedImages images = led_images(camera_written_, leds_written_, X_NB_expected_);
-  const double reach_px =
-      images.size_px + kRestReach * config_.rest.place_sd_m *
-                           camera_written_.intrinsics.fx /
-                           lens_distance(X_NB_expected_.translation());
-  FixedVector<RestLight, kMaxRestLights> lights;
-  FixedVector<int, kMaxRestLights> blob_of;
-  for (std::size_t j = 0; j < blobs.size(); ++j) {
-    const Blob& blob = blobs[j];
-    if ((blob.uv - images.middle).norm() > reach_px) continue;
-    RestLight light{blob.uv, 0};
-    for (int i = 0; i < leds_.size(); ++i) {
-      const bool may_be =
-          !config_.finder.use_color || colors_agree(blob.color, leds_.color(i), true);
-      light.may_be = static_cast<std::uint16_t>(light.may_be | may_be << i);
-    }
-    if (blob.cut || light.may_be == 0) continue;
-    if (!lights.push_back(light)) return fail(Fault::ambiguous);
-    blob_of.push_back(static_cast<int>(j));
-  }
-  const auto found =
-      associate_at_rest(config_.rest, camera_written_, leds_written_,
-                        {lights.data(), lights.size()}, X_NB_expected_, leds_least);
-  if (!found) return fail(found.error());
-  Assignment match;
-  for (std::size_t i = 0; i < kMaxLeds; ++i) {
-    const int light = (*found)[i];
-    if (light >= 0) match.blob[i] = blob_of[static_cast<std::size_t>(light)];
-  }
-  frame.seen = observations(match, images, blobs, 0);
-  return alight::calibrate_at_rest(config_.rest, camera_written_, leds_written_,
-                                   {frame.seen.data(), frame.seen.size()},
-                                   X_NB_expected_);
-}
-
-Result<FoundLeds> RelativeEstimator::find_expected(BlobSpan blobs, Time t,
-                                                   const Pose& X_NB,
-                                                   const Matrix6& cov) const {
-  const Matrix6 information = cov_expected_.inverse();
-  const auto fit_of = [&](const LedFrame& frame) {
-    FixedVector<LedObservation, kMaxLeds> seen = frame.seen;
-    // By the lens what LEDs are off by is far more than what pictures are: without it
-    // the fit would turn the drone over to explain it.
-    const double off_px = config_.rest.led_sd_m * camera_.intrinsics.fx /
-                          lens_distance(X_NB_expected_.translation());
-    for (LedObservation& o : seen) o.cov += off_px * off_px * Matrix2::Identity();
-    return refine_pose(camera_, leds_, {seen.data(), seen.size()}, X_NB_expected_,
-                       &information);
-  };
-  FoundLeds found;
-  found.frame = tracker_.track(blobs, X_NB, cov, t);
-  auto fit = fit_of(found.frame);
-  if (fit && found.frame.led_count() < leds_.size()) {
-    // Where those stand, others may be that are far from where they were expected.
-    LedFrame again = tracker_.track(blobs, fit->X_NB, fit->cov, t);
-    if (again.led_count() > found.frame.led_count()) {
-      found.frame = again;
-      fit = fit_of(found.frame);
-    }
-  }
-  if (found.frame.led_count() < std::max(4, leds_.size() - 1)) {
-    return fail(Fault::too_few_points);
-  }
-  if (!fit) return fail(fit.error());
-  if (fit->rms_px > rest_rms_max_px(fit->X_NB)) return fail(Fault::degenerate);
-  if (!stands_as_expected(fit->X_NB)) return fail(Fault::ambiguous);
-  found.fit = *fit;
-  return found;
-}
-
-bool RelativeEstimator::stands_as_expected(const Pose& X_NB) const {
-  Vector6 off;
-  off << X_NB.translation() - X_NB_expected_.translation(),
-      so3_log(X_NB_expected_.linear().transpose() * X_NB.linear());
-  // Six degrees of freedom: beyond this the drone stands elsewhere.
-  return off.dot(cov_expected_.llt().solve(off)) < 22.5;
 }
 
 }  // namespace alight

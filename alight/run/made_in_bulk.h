@@ -28,8 +28,8 @@ class MadeInBulk {
         held_(std::clamp<std::size_t>(bytes / std::max<std::size_t>(picture_bytes, 1),
                                       1, kMost)) {}
 
-  /// Copies the next picture to where the last one was, as a camera's driver does; false
-  /// at the end. What `make` failed of comes in its turn, and stays.
+  /// Copies the next picture to where the last one was, as a camera's driver does;
+  /// false at the end. What `make` failed of comes in its turn, and stays.
   Result<bool> next(Picture& picture) {
     if (taken_ == made_ && status_ && *status_) make_some();
     if (taken_ == made_) return status_;

@@ -34,8 +34,8 @@ struct Work {
   std::optional<Error> wrong;  // the first one
 };
 
-Result<std::vector<FrameScore>> measure_one(const SequenceOptions& one,
-                                            Profile profile, std::size_t bytes_held) {
+Result<std::vector<FrameScore>> measure_one(const SequenceOptions& one, Profile profile,
+                                            std::size_t bytes_held) {
   // No exceptions of ours, but a library's must not end the program from a thread.
   try {
     auto sequence = Sequence::create(one);
@@ -180,7 +180,8 @@ Result<MeasureResult> run_measure(const MeasureOptions& options,
       const std::size_t i = work.next.fetch_add(1);
       if (i >= result.sequences.size()) return;
       MeasuredSequence& sequence = result.sequences[i];
-      auto scores = measure_one(sequence.options, options.profile, kBytesHeld / threads);
+      auto scores =
+          measure_one(sequence.options, options.profile, kBytesHeld / threads);
       const std::lock_guard lock(work.mutex);
       if (work.wrong) return;
       if (!scores) {

@@ -37,6 +37,14 @@ inline int first_bright_narrow(const std::uint8_t* bytes, int begin, int end,
         _mm_movemask_epi8(_mm_cmpeq_epi8(_mm_subs_epu8(load(begin), tau), zero));
     if (dark != 0xffff) return begin + __builtin_ctz(static_cast<unsigned>(~dark));
   }
+  if (begin < end && end >= 16) {
+    // What is left, together with bytes before it that do not count.
+    const int dark =
+        _mm_movemask_epi8(_mm_cmpeq_epi8(_mm_subs_epu8(load(end - 16), tau), zero)) |
+        ((1 << (16 - (end - begin))) - 1);
+    if (dark == 0xffff) return end;
+    return end - 16 + __builtin_ctz(static_cast<unsigned>(~dark));
+  }
 #endif
   return first_bright_scalar(bytes, begin, end, threshold);
 }
