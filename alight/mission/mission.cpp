@@ -131,6 +131,7 @@ void Mission::go(MissionState to, const char* reason, const MissionInput& in,
         leave_by_ += from_seconds(std::min(way / config_.move_speed_m_s, kLongestWay));
       }
       chose_place_ = 0;
+      not_clear_ = in.now;
       move_to(leave_place_, config_.move_speed_m_s, in);
       break;
     case MissionState::rendezvous:

@@ -148,6 +148,8 @@ class Mission {
   bool comes_near(const MissionInput& in) const;
   LeftDrone left_here(const MissionInput& in) const;
   void choose_leave_place(const MissionInput& in);
+  /// Others have stopped its motors, wherever that is.
+  void came_down(const MissionInput& in);
   /// Has the motors stopped of a drone that its autopilot has landed beside the
   /// platform.
   /// @returns false: it does not stand there.
@@ -251,6 +253,7 @@ class Mission {
   Vector3 leave_place_ = Vector3::Zero();  // where it is to be,
   Time leave_by_ = 0;                      // by then at the latest
   Time chose_place_ = 0;
+  Time not_clear_ = 0;              // of the platform, last, to be left there
   bool floor_told_ = false;         // that it stands there
   bool for_want_of_sight_ = false;  // aborted: nothing else was wrong
   bool waits_for_it_ = false;       // the platform, for a drone that lands by itself

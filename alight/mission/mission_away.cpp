@@ -40,6 +40,7 @@ constexpr double kSweptMost = 1;
 // anew, s: the wind and the platform change.
 constexpr double kThere = 0.3;
 constexpr Seconds kChoosesEvery = 0.3;
+constexpr Seconds kStaysClear = 0.2;  // where it may be left, and then is
 // Unseen for so long, s, the drone may be elsewhere than predicted.
 constexpr Seconds kStillKnown = 1;
 // What a tenth of thrust that is not known does to a prediction: 0.5 m in the second
@@ -77,13 +78,14 @@ double Mission::platform_wish(const MissionInput& in) {
   const bool on_its_way = state == MissionState::idle || state == MissionState::armed ||
                           state == MissionState::taken_off;
   // Where others bring it down, the platform is first to get out of the way, then not
-  // to come round again.
+  // to come round again, nor to drive over it where it stands.
   const bool left_alone = state == MissionState::lost_link ||
                           state == MissionState::pilot ||
                           (state == MissionState::aborted && left_);
   if (flying() && !left_alone) waits_for_it_ = false;
   if (!left_alone) left_alone_since_ = in.now;
-  if (airborne_ && to_seconds(in.now - left_alone_since_) > kOutOfTheWay) {
+  if ((airborne_ && to_seconds(in.now - left_alone_since_) > kOutOfTheWay) ||
+      (left_alone && in.stands_on_floor)) {
     waits_for_it_ = true;
   }
   // Where there is no way out any more, they had better meet gently.
@@ -112,6 +114,9 @@ double Mission::platform_wish(const MissionInput& in) {
   if ((config_.start_on_floor && on_its_way) || waits_for_it_) return 0;
   if (stopped_beneath(in)) return 0;
   if (!alone || brakes_in_ <= 0) return 1;
+  const bool stands =
+      in.platform_ready && in.platform.v_IN_N.head<2>().norm() < kDrives;
+  if (brakes_in_ == kBrakesBeside && stands) return 0;
   const double since = to_seconds(in.now - alone_since_) / brakes_in_;
   // On its feet it is soon to stand: a landing mode that is carried along leans.
   const double as_it_brakes = airborne_ ? std::exp(-since) : std::max(0.0, 1 - since);
@@ -308,7 +313,7 @@ void Mission::lost_link(const MissionInput& in, Command& c, Output& out) {
   const bool autopilot_acts =
       in.mode == AutopilotMode::land || (in.mode == AutopilotMode::failsafe && !waits);
   if (in.telemetry_heard && !in.armed) {
-    airborne_ = false;
+    came_down(in);
     // Why it was alone stays told.
     go(MissionState::complete,
        stood_still ? "the computer stood still: the autopilot landed by itself"
@@ -330,6 +335,13 @@ void Mission::lost_link(const MissionInput& in, Command& c, Output& out) {
   } else if (!stop_on_floor(in, c, out) && touch_down_.was_set_down(in)) {
     keep_ordering(AutopilotOrder::disarm, in, c);
   }
+}
+
+// But for one that is seen on the pad the platform waits.
+void Mission::came_down(const MissionInput& in) {
+  const bool on_pad = in_sight(in) && !outline_.clear(in.x.p_NB);
+  if (airborne_ && !on_pad) waits_for_it_ = true;
+  airborne_ = false;
 }
 
 bool Mission::stop_on_floor(const MissionInput& in, Command& c, Output& out) {
@@ -357,9 +369,15 @@ bool Mission::may_be_left(const MissionInput& in) {
     // On its way there it may look as if it flew on.
     LeftDrone at_rest = left_here(in);
     at_rest.v_IB_N = inertial_velocity_N(in.platform, in.x.p_NB, Vector3::Zero());
-    return there && outline_.clear(in.x.p_NB) &&
-           way_down_.clear(left_here(in), in.platform) &&
-           way_down_.clear(at_rest, in.platform);
+    const bool beside = there && outline_.clear(in.x.p_NB) &&
+                        way_down_.clear(left_here(in), in.platform) &&
+                        way_down_.clear(at_rest, in.platform);
+    // Else it would come down on a platform that is stopped meanwhile.
+    const bool clear = beside && way_down_.clear_of_stop(left_here(in), in.platform);
+    if (beside && !clear) stop_over_ground(in);
+    // What begins to brake is slow before the drone is seen to come nearer.
+    if (!clear) not_clear_ = in.now;
+    return to_seconds(in.now - not_clear_) > kStaysClear;
   }
   // Better it drifts than that it sinks on a prediction that knows no thrust.
   if (!learnt(in)) return true;
@@ -372,7 +390,7 @@ bool Mission::may_be_left(const MissionInput& in) {
 
 void Mission::aborted(const MissionInput& in, Command& c, Output& out) {
   if (in.telemetry_heard && !in.armed) {
-    airborne_ = false;
+    came_down(in);
     return;
   }
   if (pilot_flies(in)) {
@@ -415,7 +433,7 @@ bool Mission::swept(const MissionInput& in) const {
 // nothing but to fly on as the drone does. Nothing is ordered.
 void Mission::pilot(const MissionInput& in, Command& c, Output& out) {
   if (in.telemetry_heard && !in.armed) {
-    airborne_ = false;
+    came_down(in);
     go(MissionState::complete, "the pilot stopped the motors", in, out);
     return;
   }

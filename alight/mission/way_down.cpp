@@ -12,6 +12,7 @@ namespace {
 constexpr Seconds kOnFloor = 2;      // the platform is looked at for so long after it
 constexpr Seconds kSlides = 0.6;     // light on its feet, until its motors stop
 constexpr double kRoomBeside = 0.1;  // m, from the pad's corner to a rotor
+constexpr double kHardestStop = 3;   // m/s^2, of a platform
 constexpr int kInstants = 8;
 // What a wind may be instead of the one that is believed: a share of it, turned, deg.
 struct Wind {
@@ -76,6 +77,16 @@ bool WayDown::clear(const LeftDrone& drone, const PlatformState& platform) const
         wind.share * (from_rpy(0, 0, wind.turned_deg * kDegree) * drone.push_N);
     return comes_near(in_wind, platform, std::numeric_limits<double>::infinity());
   });
+}
+
+bool WayDown::clear_of_stop(const LeftDrone& drone,
+                            const PlatformState& platform) const {
+  // Until its autopilot acts it flies on.
+  LeftDrone late = drone;
+  late.p_NB += kSinksAfter * drone.v_IB_N;
+  // As long a way as evenly braked.
+  const Seconds stop = platform.v_IN_N.head<2>().norm() / (2 * kHardestStop);
+  return nearest(late, platform, stop) > reach_;
 }
 
 WayDown::Places WayDown::places(const Vector3& first) const {

@@ -45,6 +45,10 @@ class WayDown {
   /// and in more.
   bool clear(const LeftDrone& drone, const PlatformState& platform) const;
 
+  /// Whether it keeps clear of a platform that is stopped at once, as by an operator
+  /// who aborts, in the wind that is believed.
+  bool clear_of_stop(const LeftDrone& drone, const PlatformState& platform) const;
+
   /// Level, of drone and pad together, m.
   double reach() const { return reach_; }
 

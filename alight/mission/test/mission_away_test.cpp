@@ -632,6 +632,47 @@ TEST(Mission, AnAbortedDroneIsNotLeftWhereTheWindBlowsItOntoThePlatform) {
   f.run(1.5);
   f.push_N = Vector3(0.5, 0, 0);
   f.wish = OperatorWish::abort;
+  f.run(1);
+  EXPECT_GT(f.orders_land, 0);
+}
+
+// Who aborts a landing stops the platform, too: a drone that is carried along by its
+// speed, or by the wind, is let fall behind first.
+TEST(Mission, AnAbortedDroneIsLeftWhereAPlatformThatStopsIsNotInItsWay) {
+  for (const double push : {0.0, 0.5, 1.0}) {
+    SCOPED_TRACE(push);
+    Flight f;
+    f.platform_speed = 1.2;
+    ASSERT_TRUE(f.reach(State::rendezvous));
+    f.push_N = Vector3(push, 0, 0);
+    const WayDown way_down(f.rig());
+    PlatformState platform;
+    platform.v_IN_N = Vector3(f.platform_speed, 0, 0);
+    const auto clear = [&] {
+      return way_down.clear_of_stop(
+          {f.x().p_NB, f.x().v_NB + platform.v_IN_N, f.push_N}, platform);
+    };
+    EXPECT_FALSE(clear());
+    f.wish = OperatorWish::abort;
+    f.run(0.3);
+    EXPECT_EQ(f.state(), State::aborted);
+    EXPECT_EQ(f.orders_land, 0);
+    for (int i = 0; i < 250 && f.orders_land == 0; ++i) f.step();
+    EXPECT_GT(f.orders_land, 0) << "not for ever";
+    EXPECT_TRUE(clear()) << f.x().p_NB.transpose();
+    EXPECT_LT(f.reference_jump_m, 1e-6);
+  }
+}
+
+// What begins to brake is slow before the drone is seen to come nearer.
+TEST(Mission, AnAbortedDroneIsLeftOnceItHasBeenClearForAWhile) {
+  Flight f;
+  ASSERT_TRUE(f.reach(State::follow));
+  f.run(1.5);
+  f.wish = OperatorWish::abort;
+  f.run(0.1);
+  EXPECT_EQ(f.state(), State::aborted);
+  EXPECT_EQ(f.orders_land, 0);
   f.run(0.3);
   EXPECT_GT(f.orders_land, 0);
 }

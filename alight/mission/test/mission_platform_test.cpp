@@ -41,6 +41,40 @@ TEST(Mission, ThePlatformWaitsForADroneThatLandsBesideIt) {
   EXPECT_EQ(f.c.platform_speed_wish, 0) << "it lies there";
 }
 
+// Low when it is left, it stands there before the platform is out of its way.
+TEST(Mission, ThePlatformDoesNotDriveOverADroneThatStandsBesideIt) {
+  for (const bool stopped_by_itself : {false, true}) {
+    Flight f;
+    ASSERT_TRUE(bring(f, State::follow));
+    f.wish = OperatorWish::abort;
+    while (f.orders_land == 0) f.step();
+    f.mode = AutopilotMode::land;
+    f.run(0.5);
+    ASSERT_GT(f.c.platform_speed_wish, 0);
+    (stopped_by_itself ? f.motors_stop : f.stands_on_floor) = true;
+    f.run(0.1);
+    EXPECT_EQ(f.c.platform_speed_wish, 0);
+    f.run(5);
+    EXPECT_EQ(f.state(), State::aborted);
+    EXPECT_EQ(f.c.platform_speed_wish, 0);
+  }
+}
+
+// What has stopped it may let it go again.
+TEST(Mission, APlatformThatStandsBesideADroneThatComesDownIsAskedToStay) {
+  for (const bool stands : {false, true}) {
+    Flight f;
+    ASSERT_TRUE(bring(f, State::follow));
+    f.wish = OperatorWish::abort;
+    while (f.orders_land == 0) f.step();
+    f.mode = AutopilotMode::land;
+    f.run(0.3);
+    if (stands) f.platform_speed = 0.1;
+    f.step();
+    EXPECT_EQ(f.c.platform_speed_wish == 0, stands);
+  }
+}
+
 // The wind blows a drone that its autopilot lands after a platform that stops in its
 // lee: then the platform had better drive on.
 TEST(Mission, ThePlatformDoesNotStopWhereTheWindBlowsTheDrone) {
@@ -50,11 +84,14 @@ TEST(Mission, ThePlatformDoesNotStopWhereTheWindBlowsTheDrone) {
     ASSERT_TRUE(bring(f, State::follow));
     f.push_N = Vector3(push, 0, 0);
     f.wish = OperatorWish::abort;
+    const Vector3 aborted_at = f.x().p_NB;
     f.run(0.5);
     ASSERT_TRUE(f.until(State::aborted, 1) || f.state() == State::aborted);
     for (int i = 0; i < 400 && f.orders_land == 0; ++i) f.step();
     ASSERT_GT(f.orders_land, 0);
     f.mode = AutopilotMode::land;
+    // In wind after the platform it is led farther away first.
+    if (push > 0) f.x().p_NB = aborted_at;
     f.run(1);
     if (push > 0) {
       EXPECT_EQ(f.c.platform_speed_wish, 1) << "blown after it";

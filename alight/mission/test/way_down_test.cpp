@@ -42,6 +42,21 @@ TEST(WayDown, ItBrakesOverTheGroundAndThePlatformDrivesAway) {
   EXPECT_FALSE(way_down.clear(carried_along(ahead, 0.9), driving(0.9)));
 }
 
+TEST(WayDown, ItFliesOnOverAPlatformThatIsStopped) {
+  const WayDown way_down(alan_rig());
+  const auto clear = [&](double behind, double speed, double push) {
+    LeftDrone drone = carried_along({-behind, 0, 0.6}, speed);
+    drone.push_N = Vector3(push, 0, 0);
+    return way_down.clear_of_stop(drone, driving(speed));
+  };
+  // 0.9 m/s: 0.68 m in its 0.2 and 0.55 s, less 0.14 m of the platform.
+  EXPECT_TRUE(clear(0.54 + way_down.reach() + 0.02, 0.9, 0));
+  EXPECT_FALSE(clear(0.54 + way_down.reach() - 0.02, 0.9, 0));
+  EXPECT_TRUE(clear(way_down.reach() + 0.02, 0, 0));
+  EXPECT_FALSE(clear(0.54 + way_down.reach() + 0.02, 0.9, 0.5)) << "blown farther";
+  EXPECT_TRUE(clear(0.54 + way_down.reach() - 0.02, 0.9, -0.5));
+}
+
 TEST(WayDown, WindTowardsAPlatformThatStandsIsNoPlaceToBeLeft) {
   const WayDown way_down(alan_rig());
   LeftDrone drone{kBehind, Vector3::Zero(), Vector3(1.5, 0, 0)};
