@@ -6,14 +6,20 @@
 namespace alight {
 namespace {
 
+/// Aborted while it follows, up to where its autopilot lands it.
+bool abort_to_land(Flight& f) {
+  if (!bring(f, State::follow)) return false;
+  f.wish = OperatorWish::abort;
+  for (int i = 0; i < 500 && f.orders_land == 0; ++i) f.step();
+  f.mode = AutopilotMode::land;
+  return f.orders_land > 0;
+}
+
 // Blown back towards it, it is left after all.
 TEST(Mission, APlatformThatWaitsBesideADroneDrivesOnFromOneThatIsBlownNear) {
   for (const bool blown : {false, true}) {
     Flight f;
-    ASSERT_TRUE(bring(f, State::follow));
-    f.wish = OperatorWish::abort;
-    while (f.orders_land == 0) f.step();
-    f.mode = AutopilotMode::land;
+    ASSERT_TRUE(abort_to_land(f));
     f.run(0.5);
     ASSERT_EQ(f.state(), State::aborted);
     ASSERT_LT(f.c.platform_speed_wish, 1);
@@ -45,10 +51,7 @@ TEST(Mission, ThePlatformWaitsForADroneThatLandsBesideIt) {
 TEST(Mission, ThePlatformDoesNotDriveOverADroneThatStandsBesideIt) {
   for (const bool stopped_by_itself : {false, true}) {
     Flight f;
-    ASSERT_TRUE(bring(f, State::follow));
-    f.wish = OperatorWish::abort;
-    while (f.orders_land == 0) f.step();
-    f.mode = AutopilotMode::land;
+    ASSERT_TRUE(abort_to_land(f));
     f.run(0.5);
     ASSERT_GT(f.c.platform_speed_wish, 0);
     (stopped_by_itself ? f.motors_stop : f.stands_on_floor) = true;
@@ -64,10 +67,7 @@ TEST(Mission, ThePlatformDoesNotDriveOverADroneThatStandsBesideIt) {
 TEST(Mission, APlatformThatStandsBesideADroneThatComesDownIsAskedToStay) {
   for (const bool stands : {false, true}) {
     Flight f;
-    ASSERT_TRUE(bring(f, State::follow));
-    f.wish = OperatorWish::abort;
-    while (f.orders_land == 0) f.step();
-    f.mode = AutopilotMode::land;
+    ASSERT_TRUE(abort_to_land(f));
     f.run(0.3);
     if (stands) f.platform_speed = 0.1;
     f.step();
