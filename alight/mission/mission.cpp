@@ -153,6 +153,7 @@ void Mission::mention(const char* what, const MissionInput& in, Output& out) {
 }
 
 void Mission::move_to(const Vector3& p_NB, double speed, const MissionInput& in) {
+  stops_here_ = false;
   // From the reference where it is being followed, so that nothing jumps; from the
   // drone itself where it is not.
   MoveLimits limits;

@@ -254,6 +254,7 @@ class Mission {
   Time leave_by_ = 0;                      // by then at the latest
   Time chose_place_ = 0;
   Time not_clear_ = 0;              // of the platform, last, to be left there
+  bool stops_here_ = false;         // over the ground, to be left
   bool floor_told_ = false;         // that it stands there
   bool for_want_of_sight_ = false;  // aborted: nothing else was wrong
   bool waits_for_it_ = false;       // the platform, for a drone that lands by itself

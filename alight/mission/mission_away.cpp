@@ -374,7 +374,12 @@ bool Mission::may_be_left(const MissionInput& in) {
                         way_down_.clear(at_rest, in.platform);
     // Else it would come down on a platform that is stopped meanwhile.
     const bool clear = beside && way_down_.clear_of_stop(left_here(in), in.platform);
-    if (beside && !clear) stop_over_ground(in);
+    if (beside && !clear) {
+      stops_here_ = true;
+    } else if (!beside && stops_here_) {
+      move_to(leave_place_, config_.move_speed_m_s, in);
+    }
+    if (stops_here_) stop_over_ground(in);
     // What begins to brake is slow before the drone is seen to come nearer.
     if (!clear) not_clear_ = in.now;
     return to_seconds(in.now - not_clear_) > kStaysClear;

@@ -664,6 +664,29 @@ TEST(Mission, AnAbortedDroneIsLeftWhereAPlatformThatStopsIsNotInItsWay) {
   }
 }
 
+// It does not fly on while it slows down for a platform that then stands.
+TEST(Mission, AnAbortedDroneStaysNearAPlatformThatStopsMeanwhile) {
+  for (const double push : {0.0, 0.6, -0.6}) {
+    for (const double later : {0.1, 0.3, 0.6}) {
+      SCOPED_TRACE(testing::Message() << push << " " << later);
+      Flight f;
+      f.platform_speed = 1.2;
+      ASSERT_TRUE(f.reach(State::rendezvous));
+      f.push_N = Vector3(push, 0, 0);
+      f.wish = OperatorWish::abort;
+      f.run(later);
+      f.platform_speed = 0;
+      for (int i = 0; i < 450 && f.orders_land == 0; ++i) {
+        f.step();
+        ASSERT_LT(f.x().v_NB.norm(), 1.5);
+      }
+      EXPECT_GT(f.orders_land, 0);
+      EXPECT_LT(f.x().p_NB.norm(), 2.5);
+      EXPECT_LT(f.reference_jump_m, 1e-6);
+    }
+  }
+}
+
 // What begins to brake is slow before the drone is seen to come nearer.
 TEST(Mission, AnAbortedDroneIsLeftOnceItHasBeenClearForAWhile) {
   Flight f;
