@@ -364,8 +364,8 @@ bool Mission::may_be_left(const MissionInput& in) {
                      (in.link->healthy(in.now) || does_as_told(in));
   if (!obeys || !in.estimate_valid || in.now > leave_by_) return true;
   if (in_sight(in)) {
-    const bool there =
-        !leaves_where_told_ || horizontal(in.x.p_NB - leave_place_) < kThere;
+    const bool there = !leaves_where_told_ || stops_here_ ||
+                       horizontal(in.x.p_NB - leave_place_) < kThere;
     // On its way there it may look as if it flew on.
     LeftDrone at_rest = left_here(in);
     at_rest.v_IB_N = inertial_velocity_N(in.platform, in.x.p_NB, Vector3::Zero());

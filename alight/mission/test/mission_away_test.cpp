@@ -687,6 +687,24 @@ TEST(Mission, AnAbortedDroneStaysNearAPlatformThatStopsMeanwhile) {
   }
 }
 
+// From where it is told to be left it falls behind all the same.
+TEST(Mission, AnAbortedDroneThatFallsBehindWhereItIsToBeLeftDoesNotFlyOn) {
+  MissionConfig config;
+  config.safety.leave_at_m = Vector3(-0.8, 0, 0.6);
+  Flight f(config);
+  f.platform_speed = 2;
+  ASSERT_TRUE(f.reach(State::follow));
+  f.push_N = Vector3(1.2, 0, 0);
+  f.wish = OperatorWish::abort;
+  for (int i = 0; i < 450 && f.orders_land == 0; ++i) {
+    f.step();
+    ASSERT_LT(f.x().v_NB.norm(), 2.1);
+  }
+  EXPECT_GT(f.orders_land, 0);
+  EXPECT_LT(f.x().p_NB.norm(), 2.5) << f.x().p_NB.transpose();
+  EXPECT_LT(f.reference_jump_m, 1e-6);
+}
+
 // What begins to brake is slow before the drone is seen to come nearer.
 TEST(Mission, AnAbortedDroneIsLeftOnceItHasBeenClearForAWhile) {
   Flight f;
