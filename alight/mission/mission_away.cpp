@@ -366,14 +366,15 @@ bool Mission::may_be_left(const MissionInput& in) {
   if (in_sight(in)) {
     const bool there = !leaves_where_told_ || stops_here_ ||
                        horizontal(in.x.p_NB - leave_place_) < kThere;
+    const LeftDrone here = left_here(in);
     // On its way there it may look as if it flew on.
-    LeftDrone at_rest = left_here(in);
+    LeftDrone at_rest = here;
     at_rest.v_IB_N = inertial_velocity_N(in.platform, in.x.p_NB, Vector3::Zero());
     const bool beside = there && outline_.clear(in.x.p_NB) &&
-                        way_down_.clear(left_here(in), in.platform) &&
+                        way_down_.clear(here, in.platform) &&
                         way_down_.clear(at_rest, in.platform);
     // Else it would come down on a platform that is stopped meanwhile.
-    const bool clear = beside && way_down_.clear_of_stop(left_here(in), in.platform);
+    const bool clear = beside && way_down_.clear_of_stop(here, in.platform);
     if (beside && !clear) {
       stops_here_ = true;
     } else if (!beside && stops_here_) {

@@ -16,7 +16,8 @@ inline int first_bright_scalar(const std::uint8_t* bytes, int begin, int end,
 }
 
 /// The same, 64 bytes at a time where the machine can: nearly all of a short exposure
-/// is dark, and to run over the dark is what detection costs.
+/// is dark, and to run over the dark is what detection costs. Bytes before `begin` are
+/// read, too, from the first on.
 inline int first_bright_narrow(const std::uint8_t* bytes, int begin, int end,
                                int threshold) {
 #if defined(__SSE2__)
