@@ -29,7 +29,7 @@ TEST(Flare, BeginsFromNothingAndEndsWithItsAccelerationAlone) {
 }
 
 TEST(Flare, EachDerivativeIsTheOneBeforeItsRate) {
-  const Flare flare(kLean, kDuration, 0.05);
+  const Flare flare(kLean, kDuration, 0.05, Vector3(0.03, -0.05, 0));
   constexpr Seconds h = 1e-5;
   for (Seconds to_go = 0.01; to_go < kDuration + 0.04; to_go += 0.0123) {
     if (std::abs(to_go - 0.05) < 2 * h) continue;
@@ -57,6 +57,24 @@ TEST(Flare, MovesLittleAndFadesAfterTheEnd) {
     last = a;
   }
   EXPECT_EQ(last, 0);
+}
+
+TEST(Flare, EndsAsFarAsideAsItIsToldAndStaysThere) {
+  const Vector3 aside(0.03, 0.01, 0);
+  const Flare plain(kLean, kDuration, 0.05), flare(kLean, kDuration, 0.05, aside);
+  EXPECT_LT(added(flare, kDuration + 0.05).p_NB.norm(), 1e-12);
+  for (const Seconds to_go : {0.05, 0.02, 0.0, -0.1, -0.5, -3.0}) {
+    const FlatState with = added(flare, to_go), without = added(plain, to_go);
+    EXPECT_LT((with.p_NB - without.p_NB - aside).norm(), 1e-12) << to_go;
+    EXPECT_LT((with.v_NB - without.v_NB).norm(), 1e-12) << to_go;
+    EXPECT_LT((with.a_NB - without.a_NB).norm(), 1e-12) << to_go;
+  }
+  double last = 0;
+  for (Seconds to_go = kDuration + 0.05; to_go > 0.04; to_go -= 0.001) {
+    const double moved = (added(flare, to_go).p_NB - added(plain, to_go).p_NB).norm();
+    EXPECT_GE(moved, last - 1e-12);
+    last = moved;
+  }
 }
 
 TEST(Flare, NoneAddsNothing) {

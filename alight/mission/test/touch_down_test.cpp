@@ -292,6 +292,23 @@ TEST_F(TouchDownTest, AFlareIsAimedAnewWhileItWaitsEvenLow) {
   EXPECT_NEAR(maneuver_.at(end - 1'000'000).a_NB.x(), config_.flare_share, 0.15);
 }
 
+// At 30 km/h the air slid every drone 3 cm aft as its rotors ran down, one off the pad.
+TEST_F(TouchDownTest, ItTouchesAheadOfTheMiddleByWhatAStrongPushWillSlideIt) {
+  const auto touches_at = [&](double push) {
+    touch_.begin();
+    maneuver_.end_with({});
+    for (Seconds t = 0.3; t < 1.9; t += kStep) {
+      touch_.flare(at(t, 0.25 * (2 - t), 0, push), maneuver_);
+    }
+    // Beyond the end the flare is over, but for where it has led.
+    return maneuver_.at(from_seconds(2.6)).p_NB.x();
+  };
+  EXPECT_EQ(touches_at(0.8), 0);
+  EXPECT_NEAR(touches_at(3.5), 0.03, 0.002);
+  EXPECT_NEAR(touches_at(-3.5), -0.03, 0.002);
+  EXPECT_LE(touches_at(30), 0.05);
+}
+
 TEST_F(TouchDownTest, TheLastThrustLeansAgainstWhatWouldThrowItOver) {
   touch_.feel(at(2, 0.0, 0, 3), maneuver_);
   ASSERT_TRUE(touch_.settling());
