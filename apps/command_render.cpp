@@ -5,6 +5,7 @@
 #include <memory>
 
 #include "alight/io/files.h"
+#include "alight/run/measure_run.h"
 #include "command.h"
 #include "sequence_options.h"
 
@@ -15,12 +16,19 @@ namespace {
 struct Settings {
   SequenceSettings sequence;
   std::string out;
+  bool mixed = false;
   bool json = false;
 };
 
 Result<void> render(const Settings& settings) {
-  const auto options = settings.sequence.resolved();
+  auto options = settings.sequence.resolved();
   if (!options) return fail(options.error());
+  if (settings.mixed) {
+    MeasureOptions measured;
+    measured.sequence = *options;
+    measured.mixed = true;
+    *options = measured_sequence(measured, options->seed);
+  }
   if (auto good = check_folder(settings.out); !good) return good;
 
   const bool told = isatty(STDERR_FILENO) != 0;
@@ -53,6 +61,8 @@ void add_render(CLI::App& app, Job& job) {
   command->add_option("--out", settings->out, "Folder for the pictures")
       ->required()
       ->check(named());
+  command->add_flag("--mixed", settings->mixed,
+                    "The flight of this seed of alight measure --mixed");
   command->add_flag("--json", settings->json, "One JSON document");
   command->callback(
       [settings, &job] { job = [settings] { return render(*settings); }; });

@@ -53,6 +53,8 @@ class LedLearner {
   /// The LEDs stand again where they are written, and no picture is kept.
   void forget();
 
+  /// As they were to begin with.
+  const Constellation& written() const { return nominal_; }
   const Constellation& leds() const { return leds_; }
   const LedCovariance& cov() const { return cov_; }
 

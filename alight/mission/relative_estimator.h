@@ -333,6 +333,9 @@ class RelativeEstimator {
   void remember_fit(int leds, double rms_px);
   bool would_jump(const LedFrame& leds) const;
   void learn_leds(const LedFrame& leds, const UpdateReport& report);
+  /// The pose that the LEDs as written show, in picture after picture far more exactly
+  /// than those that have been learnt: from lights that were none of them.
+  std::optional<PoseFit> written_fits_better();
   /// From a picture as the camera has stored it, with what has been seen in it.
   void learn_gamma(const ImageView& stored, const FrameReport& out);
   /// From here on pictures are taken to be stored like that.
@@ -372,6 +375,7 @@ class RelativeEstimator {
   int misfits_ = 0;          // pictures in a row whose residuals show LEDs to be off
   bool learning_ = false;    // they have shown it
   int steps_ = 0;            // that the learner still is to make
+  int written_better_ = 0;   // pictures in a row that what it learnt fits far worse
   bool leds_moved_ = false;  // finder and rivals do not know of it yet
   // Of fits to five LEDs and more, rms times distance, px m: LEDs that are not where
   // the rig says misfit by more pixels the nearer they are. 0: not known.

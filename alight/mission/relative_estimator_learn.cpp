@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <utility>
 
 #include "alight/mission/relative_estimator.h"
 
@@ -9,6 +10,11 @@ namespace alight {
 namespace {
 
 constexpr int kLearnerSteps = 2;       // for each picture that it keeps
+// Residuals of LEDs that were learnt are noise. Where they are more than this, and these
+// times as large as with the LEDs as written, in so many pictures in a row, what was
+// learnt is wrong.
+constexpr double kUnexplained_px = 0.15, kWrittenBetter = 3;
+constexpr int kWrittenPictures = 4;
 constexpr double kGammaKept = 0.07;    // change of its logarithm that does not matter
 constexpr double kGammaBlur_px = 0.7;  // streaks are no round lights
 
@@ -99,6 +105,27 @@ void RelativeEstimator::learn_leds(const LedFrame& leds, const UpdateReport& rep
   --steps_;
   if (!learner_.step()) return;
   take_leds(learner_.leds(), learner_.cov());
+}
+
+std::optional<PoseFit> RelativeEstimator::written_fits_better() {
+  const int before = std::exchange(written_better_, 0);
+  if (!learning_ || seen_.size() < PoseDoubt::kFew) return {};
+  const ObservationSpan seen(seen_.data(), seen_.size());
+  const Pose X_NB = filter_.state().X_NB();
+  const auto own = refine_pose(camera_, leds_, seen, X_NB);
+  if (!own || own->rms_px < kUnexplained_px) return {};
+  const double rms_max = own->rms_px / kWrittenBetter;
+  const Constellation& written = learner_.written();
+  auto best = refine_pose(camera_, written, seen, X_NB);
+  if (!best || best->rms_px > rms_max) {
+    OtherPoses others;
+    find_same_leds_elsewhere(camera_, written, finder_, seen, X_NB, rms_max, others);
+    if (others.empty()) return {};
+    best = others[0].fit;
+  }
+  written_better_ = before + 1;
+  if (written_better_ < kWrittenPictures) return {};
+  return *best;
 }
 
 void RelativeEstimator::learn_led_errors(const LedInformation& told, Time t) {

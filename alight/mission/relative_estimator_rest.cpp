@@ -53,7 +53,10 @@ void RelativeEstimator::take_rest(const RestFit& fit, int leds_seen, Time t) {
   forget_past();
   filter_.set_rig(camera_, leds_, led_sd_m);
   rivals_.set_rig(camera_, filter_);
-  config_.learn_leds = learning_ = leds_moved_ = false;
+  // What one side of the drone has shown of its LEDs, others go on to correct.
+  learner_ = LedLearner(config_.learner, camera_, leds_);
+  learning_ = config_.learn_leds;
+  leds_moved_ = false;
   rig_measured_ = true;
   rest_leds_ = leds_seen;
   X_NB_rest_ = fit.X_NB;

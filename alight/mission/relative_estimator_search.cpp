@@ -446,12 +446,18 @@ void RelativeEstimator::doubt(FrameReport& out) {
     doubt_.look(camera_, leds_, colored, finder_, {seen_.data(), seen_.size()},
                 filter_.state().X_NB());
   }
-  const OtherPose* better = doubt_.better();
-  if (better == nullptr) return;
   FoundLeds found;
   found.frame.t = out.t;
-  found.frame.seen = better->seen;
-  found.fit = better->fit;
+  if (const auto as_written = written_fits_better()) {
+    found.frame.seen = seen_;
+    found.fit = *as_written;
+    begin_anew();
+  } else if (const OtherPose* better = doubt_.better()) {
+    found.frame.seen = better->seen;
+    found.fit = better->fit;
+  } else {
+    return;
+  }
   go_on_from(found, out.t, out);
   // The same lights as before, by another reading: no lamps far from the drone.
   found_again_ = false;
