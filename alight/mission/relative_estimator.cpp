@@ -231,10 +231,12 @@ bool RelativeEstimator::fuse(const CameraFrame& given, const MotionSource& motio
     repeat_.found(frame.color, {leds_px.data(), leds_px.size()});
   }
   if (out.tracked && config_.told_sd_m > 0 && !expecting_) {
+    // Far away it is vague by LEDs that are off, however well it is followed.
+    const bool sure = seen_.size() >= PoseDoubt::kFew && exact(out.reprojection_px);
     out.tracked = largest_sd(out.cov.block<3, 3>(0, 0)) < config_.told_sd_m &&
                   largest_sd(out.cov.block<3, 3>(3, 3)) < config_.told_sd_deg * kDegree;
     if (!out.tracked) out.why_not = "followed, but not known well enough to be told";
-    if (out.tracked) last_told_ = frame.captured;
+    if (out.tracked || sure) last_told_ = frame.captured;
     if (to_seconds(frame.captured - last_told_) > config_.forget_after_s) begin_anew();
   }
   return true;
