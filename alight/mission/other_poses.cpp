@@ -43,22 +43,10 @@ class Readings {
     }
   }
 
-  /// The same LEDs in the same lights, but not at X_NB.
-  void read_again(const Pose& X_NB) {
-    const auto turned = [](const PoseFit& fit, const Pose& from) {
-      return angle_between(fit.X_NB.linear(), from.linear()) > kApart;
-    };
-    const auto mirrored = mirrored_pose(camera_, leds_, seen_, X_NB);
-    if (mirrored) add(*mirrored);
-    try_out([&](const PoseFit& fit) {
-      return turned(fit, X_NB) && (!mirrored || turned(fit, mirrored->X_NB));
-    });
-  }
-
   /// All with `most` changes at most from light `n` on.
   void read_on(std::size_t n, int most, unsigned used, bool changed) {
     if (n == seen_.size()) {
-      if (changed && ++tried_ <= kMostTried) try_out([](const PoseFit&) { return true; });
+      if (changed) try_out();
       return;
     }
     const std::uint16_t own = seen_[n].leds;
@@ -77,8 +65,8 @@ class Readings {
   }
 
  private:
-  template <class Wanted>
-  void try_out(Wanted&& wanted) {
+  void try_out() {
+    if (++tried_ > kMostTried) return;
     const ObservationSpan read(reading_.data(), reading_.size());
     // Three of them and a few steps tell most that are none.
     const auto corner =
@@ -95,7 +83,7 @@ class Readings {
       const auto rough = refine_pose(camera_, leds_, read, X_NB, nullptr, kRoughSteps);
       if (!rough || rough->rms_px > kRough * rms_max_px_) continue;
       const auto fit = refine_pose(camera_, leds_, read, rough->X_NB, nullptr, 15);
-      if (fit && wanted(*fit)) add(*fit);
+      if (fit) add(*fit);
     }
   }
 
@@ -143,19 +131,12 @@ std::optional<PoseFit> mirrored_pose(const Camera& camera, const Constellation& 
   return *fit;
 }
 
-void find_same_leds_elsewhere(const Camera& camera, const Constellation& leds,
-                              const LedFinder& plausible, ObservationSpan seen,
-                              const Pose& X_NB, double rms_max_px, OtherPoses& out) {
-  out.clear();
-  Readings(camera, leds, true, plausible, seen, rms_max_px, out).read_again(X_NB);
-}
-
 void find_other_poses(const Camera& camera, const Constellation& leds, bool use_color,
                       const LedFinder& plausible, ObservationSpan seen,
                       const Pose& X_NB, double rms_max_px, OtherPoses& out) {
   out.clear();
   Readings readings(camera, leds, use_color, plausible, seen, rms_max_px, out);
-  readings.read_again(X_NB);
+  if (const auto fit = mirrored_pose(camera, leds, seen, X_NB)) readings.add(*fit);
   const int most = use_color ? kMostChanges : kMostChangesUncolored;
   readings.read_on(0, seen.size() > 5 ? 1 : most, 0, false);
 }

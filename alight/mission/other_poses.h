@@ -11,19 +11,14 @@ struct OtherPose {
 using OtherPoses = FixedVector<OtherPose, 12>;
 
 /// What lights, each taken for one LED, may be besides: one, two or three of them other
-/// LEDs of their colours, or all of them the same LEDs seen from elsewhere: from the
-/// other side of the line of sight, or as three of them alone would have it. Poses where
-/// a drone can be that fit to `rms_max_px`, the best ones first, without X_NB as it is.
+/// LEDs of their colours, or all of them the same LEDs seen from the other side of the
+/// line of sight. Poses where a drone can be that fit to `rms_max_px`, the best ones
+/// first, without X_NB as it is.
 ///
 /// A search: some milliseconds where no colour helps.
 void find_other_poses(const Camera& camera, const Constellation& leds, bool use_color,
                       const LedFinder& plausible, ObservationSpan seen,
                       const Pose& X_NB, double rms_max_px, OtherPoses& out);
-
-/// Of those, the ones with the same LEDs in the same lights: cheap.
-void find_same_leds_elsewhere(const Camera& camera, const Constellation& leds,
-                              const LedFinder& plausible, ObservationSpan seen,
-                              const Pose& X_NB, double rms_max_px, OtherPoses& out);
 
 /// The same LEDs in the same lights, on the far side of the minimum between: the pose
 /// into which a body that is flat, or far, may be mirrored. empty: it comes back to

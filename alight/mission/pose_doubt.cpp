@@ -156,15 +156,12 @@ void PoseDoubt::look(const Camera& camera, const Constellation& leds, bool use_c
   const double rms_max = std::max(kRms * own->rms_px, kRmsLeast_px);
   const unsigned every =
       across > kAcrossSds * config_.across_sd ? kLookEveryInDoubt : kLookEvery;
-  if (std::has_single_bit(pictures_) || pictures_ % every == 0) {
+  const bool looks =
+      !sure && (std::has_single_bit(pictures_) || pictures_ % every == 0);
+  if (looks) {
     OtherPoses others;
-    if (sure) {
-      find_same_leds_elsewhere(camera, leds, plausible, seen, own->X_NB, rms_max,
-                               others);
-    } else {
-      find_other_poses(camera, leds, use_color, plausible, seen, own->X_NB, rms_max,
-                       others);
-    }
+    find_other_poses(camera, leds, use_color, plausible, seen, own->X_NB, rms_max,
+                     others);
     for (const OtherPose& other : others) add(other, seen, X_NB);
   }
   const auto is_mirrored = [](const Rival& rival) { return rival.mirrored; };

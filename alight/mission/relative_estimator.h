@@ -218,6 +218,9 @@ class RelativeEstimator {
   void go_back_to(const RelativeFilter& then, Time t, const MotionSource& motion);
   void forget_past();
   /// @returns whether the filter goes on from a pose that was found.
+  /// Nothing explains the lights by the LEDs as they have been learnt: they stand
+  /// again as written, once that has lasted.
+  void doubt_learnt_leds(const FrameReport& out);
   bool search(const CameraFrame& stored, const MotionSource& motion, FrameReport& out,
               Probe* probe, bool only_certain = false);
   /// The same, and now and then as if the camera stored light by the usual power of it.
@@ -360,6 +363,7 @@ class RelativeEstimator {
   GammaLearner gamma_learner_;
   PictureNoise noise_;  // of the picture as stored
   int unfound_ = 0;     // searches in a row without a pose
+  int unexplained_ = 0;  // of those, the last ones of lights that would do for one
   BlobDetector detector_;
   LedFinder finder_;
   LedTracker tracker_;

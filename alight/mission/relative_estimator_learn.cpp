@@ -116,16 +116,14 @@ std::optional<PoseFit> RelativeEstimator::written_fits_better() {
   if (!own || own->rms_px < kUnexplained_px) return {};
   const double rms_max = own->rms_px / kWrittenBetter;
   const Constellation& written = learner_.written();
-  auto best = refine_pose(camera_, written, seen, X_NB);
+  std::optional<PoseFit> best;
+  if (const auto near = refine_pose(camera_, written, seen, X_NB)) best = *near;
   if (!best || best->rms_px > rms_max) {
-    OtherPoses others;
-    find_same_leds_elsewhere(camera_, written, finder_, seen, X_NB, rms_max, others);
-    if (others.empty()) return {};
-    best = others[0].fit;
+    best = mirrored_pose(camera_, written, seen, X_NB);
   }
+  if (!best || best->rms_px > rms_max || !finder_.plausible(best->X_NB)) return {};
   written_better_ = before + 1;
-  if (written_better_ < kWrittenPictures) return {};
-  return *best;
+  return written_better_ < kWrittenPictures ? std::nullopt : best;
 }
 
 void RelativeEstimator::learn_led_errors(const LedInformation& told, Time t) {

@@ -20,6 +20,9 @@ constexpr double kRivalRms = 3;
 // pose that explains more: then, after twice as many, and so on, at last after every so
 // many.
 constexpr unsigned kDoubtAfter = 4, kDoubtEvery = 256;
+// Pictures in a row of lights that nothing explains after which what has been learnt of
+// the LEDs is no longer believed.
+constexpr int kUnexplainedMost = 60;
 constexpr std::size_t kHandful = 24;  // Lights: a thorough search costs little.
 constexpr int kRestLeds = 4;          // of a drone at rest that do to start with
 
@@ -40,10 +43,11 @@ void RelativeEstimator::search_either_way(const CameraFrame& stored,
   const auto contrary = [&] { return std::pair(confirmations_, X_NB_contrary_); };
   const auto before = contrary();
   if (search(stored, motion, out, probe)) {
-    unfound_ = 0;
+    unfound_ = unexplained_ = 0;
     return;
   }
   ++unfound_;
+  doubt_learnt_leds(out);
   const bool may_suppose = config_.suppose_gamma_after > 0 && config_.learn_gamma &&
                            !expecting_ && !gamma_learner_.gamma();
   if (!may_suppose || unfound_ % config_.suppose_gamma_after != 0) return;
@@ -64,6 +68,14 @@ void RelativeEstimator::search_either_way(const CameraFrame& stored,
   rivals_ = rivals;
   std::tie(confirmations_, X_NB_contrary_) = after;
   out = as_searched;
+}
+
+void RelativeEstimator::doubt_learnt_leds(const FrameReport& out) {
+  const bool lights = out.blobs >= static_cast<int>(PoseDoubt::kFew);
+  unexplained_ = lights && !filter_.initialized() ? unexplained_ + 1 : 0;
+  if (!learning_ || unexplained_ < kUnexplainedMost) return;
+  begin_anew();
+  unexplained_ = 0;
 }
 
 bool RelativeEstimator::search(const CameraFrame& stored, const MotionSource& motion,

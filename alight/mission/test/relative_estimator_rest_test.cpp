@@ -232,6 +232,42 @@ TEST(RelativeEstimator, MeasuresTheRigAtRestAndGoesOnWithIt) {
   EXPECT_LT(after_px, 0.5 * before_px);
 }
 
+// One side has shown where its LEDs are across the line of sight, but not along it.
+TEST(RelativeEstimator, MeasuredAtRestItsLedsGoOnBeingLearntInFlight) {
+  double swings = 0;
+  constexpr int kRigs = 12;
+  for (unsigned seed = 1; seed <= kRigs; ++seed) {
+    SCOPED_TRACE(seed);
+    AtRest w(seed);
+    w.expect();
+    w.stand(40);
+    ASSERT_TRUE(w.estimator.calibrate_at_rest());
+    w.estimator.expect_nothing();
+    Vector3 sum = Vector3::Zero();
+    double square = 0;
+    constexpr int kPictures = 480, kLast = 240;
+    for (int k = 0; k < kPictures; ++k) {
+      const double s = k / 60.0;
+      const Vector3 way(-0.25 - 0.15 * std::cos(s), 0.15 * std::sin(1.3 * s), 0.3);
+      const Pose X_NB =
+          make_pose(from_rpy(0.2 * std::sin(1.7 * s), 0.25 * std::sin(s),
+                             0.3 * std::sin(0.8 * s)),
+                    w.X_NB_rest.translation() + std::min(s, 1.0) * way);
+      w.draw(X_NB);
+      w.again();
+      if (k < kPictures - kLast) continue;
+      ASSERT_TRUE(w.report.tracked) << k << ": " << w.report.why_not;
+      const Vector3 off =
+          so3_log(X_NB.linear().transpose() * w.report.x.R_NB) / kDegree;
+      sum += off / kLast;
+      square += off.squaredNorm() / kLast;
+    }
+    // How far it is turned all the time is that of the LEDs as a whole.
+    swings += (square - sum.squaredNorm()) / kRigs;
+  }
+  EXPECT_LT(std::sqrt(swings), 0.5);  // deg
+}
+
 TEST(RelativeEstimator, MeasuresNothingItHasNotSeenLongEnough) {
   {
     AtRest never_told(1);

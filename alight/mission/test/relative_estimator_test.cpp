@@ -403,6 +403,83 @@ TEST(RelativeEstimator, LedsOfARigThatIsOffLeaveThePictureWithoutTellingSpeed) {
   EXPECT_LT(std::sqrt(squares / followed), 0.15);  // m/s
 }
 
+/// A drone of which LEDs are off, turned to and fro before the lens, so far away.
+struct OffRig : Watch {
+  explicit OffRig(unsigned seed) : Watch(RelativeEstimatorConfig::camera_only(), alan_rig()) {
+    Rng rng(seed);
+    for (Led& led : truth.leds.leds) {
+      led.p_BL += 0.002 * Vector3(rng.normal(), rng.normal(), rng.normal());
+    }
+  }
+  Pose at(double s, double range_m) const {
+    const Vector3 p_CB(0.1 * std::sin(0.9 * s), 0.05 * std::cos(0.7 * s), range_m);
+    return make_pose(from_rpy(0.2 * std::sin(1.7 * s), 0.25 * std::sin(s),
+                              0.4 * std::sin(0.8 * s)),
+                     rig.camera.X_NC * p_CB);
+  }
+  /// Pictures while it goes from one distance to another.
+  template <class Then>
+  void go(double from_m, double to_m, int pictures, unsigned which, Then&& then) {
+    for (int k = 0; k < pictures; ++k) {
+      const double share = (k + 1.0) / pictures;
+      X_NB = at(to_seconds(now), from_m + share * (to_m - from_m));
+      draw(X_NB, which);
+      again();
+      then();
+    }
+  }
+  void go(double from_m, double to_m, int pictures, unsigned which = 0x3f) {
+    go(from_m, to_m, pictures, which, [] {});
+  }
+  double off_m() const { return (report.x.p_NB - X_NB.translation()).norm(); }
+  double off_deg() const {
+    return angle_between(report.x.R_NB, Matrix3(X_NB.linear())) / kDegree;
+  }
+  Pose X_NB = Pose::Identity();
+};
+
+// It was begun anew after two seconds, with the LEDs as written, and was sure of them.
+TEST(RelativeEstimator, WhatLedsThatAreOffLeaveVagueFarAwayIsFollowedOn) {
+  int untold = 0;
+  for (unsigned seed = 1; seed <= 8; ++seed) {
+    SCOPED_TRACE(seed);
+    OffRig w(seed);
+    constexpr unsigned kFive = 0x1f;
+    w.go(0.5, 0.6, 180, kFive);
+    ASSERT_TRUE(w.report.tracked) << w.report.why_not;
+    w.go(0.6, 3.2, 240, kFive);
+    w.go(3.2, 3.2, 300, kFive, [&] {
+      untold += !w.report.tracked;
+      EXPECT_FALSE(w.report.initialized);
+    });
+    w.go(3.2, 0.6, 240, kFive, [&] { EXPECT_FALSE(w.report.initialized); });
+    ASSERT_TRUE(w.report.tracked) << w.report.why_not;
+    EXPECT_LT(w.off_m(), 0.05);
+  }
+  EXPECT_GT(untold, 300) << "else the test tells nothing";
+}
+
+// Learnt from lamps that were followed for a while. Where nothing is followed any more
+// it takes two seconds to forget and one to give up what was learnt.
+TEST(RelativeEstimator, WhatWasLearntOfLedsIsGivenUpWhereTheyAreAsWritten) {
+  for (unsigned seed = 1; seed <= 12; ++seed) {
+    SCOPED_TRACE(seed);
+    OffRig w(seed);
+    w.go(0.5, 0.7, 300);
+    ASSERT_TRUE(w.report.tracked) << w.report.why_not;
+    w.truth = w.rig;
+    w.go(0.7, 0.7, 240, 0x3c);
+    int told = 0;
+    w.go(0.7, 0.7, 60, 0x3c, [&] {
+      if (!w.report.tracked) return;
+      ++told;
+      EXPECT_LT(w.off_m(), 0.01);
+      EXPECT_LT(w.off_deg(), 2);
+    });
+    EXPECT_GE(told, 45);
+  }
+}
+
 /// Knows what moved the drone for a while only, as DroneResponse does, and complains
 /// when asked for earlier.
 struct ShortMemory final : MotionSource {
