@@ -385,6 +385,7 @@ bool Mission::may_be_left(const MissionInput& in) {
     if (!clear) not_clear_ = in.now;
     return to_seconds(in.now - not_clear_) > kStaysClear;
   }
+  not_clear_ = in.now;  // Seen again it is where it is then.
   // Better it drifts than that it sinks on a prediction that knows no thrust.
   if (!learnt(in)) return true;
   // The autopilot does not know its speed without us, and would drift with it.

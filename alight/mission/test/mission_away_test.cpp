@@ -718,6 +718,23 @@ TEST(Mission, AnAbortedDroneIsLeftOnceItHasBeenClearForAWhile) {
   EXPECT_GT(f.orders_land, 0);
 }
 
+TEST(Mission, AnAbortedDroneThatIsSeenAgainMustHaveBeenClearForAWhileThen) {
+  Flight f;
+  ASSERT_TRUE(f.reach(State::follow));
+  f.run(1.5);
+  f.wish = OperatorWish::abort;
+  f.run(0.1);
+  f.sight = false;
+  f.run(0.4);
+  ASSERT_EQ(f.state(), State::aborted);
+  ASSERT_EQ(f.orders_land, 0);
+  f.sight = true;
+  f.run(0.15);
+  EXPECT_EQ(f.orders_land, 0);
+  f.run(0.25);
+  EXPECT_GT(f.orders_land, 0);
+}
+
 TEST(Mission, WhereNoPlaceIsClearOfTheWindItIsLeftInTimeAllTheSame) {
   Flight f;
   f.platform_speed = 0;
