@@ -361,8 +361,8 @@ class RelativeEstimator {
   Vector3 w_NB_B_ = Vector3::Zero();  // then
   LinearPicture linear_;
   GammaLearner gamma_learner_;
-  PictureNoise noise_;  // of the picture as stored
-  int unfound_ = 0;     // searches in a row without a pose
+  PictureNoise noise_;   // of the picture as stored
+  int unfound_ = 0;      // searches in a row without a pose
   int unexplained_ = 0;  // of those, the last ones of lights that would do for one
   BlobDetector detector_;
   LedFinder finder_;

@@ -9,10 +9,10 @@
 namespace alight {
 namespace {
 
-constexpr int kLearnerSteps = 2;       // for each picture that it keeps
-// Residuals of LEDs that were learnt are noise. Where they are more than this, and these
-// times as large as with the LEDs as written, in so many pictures in a row, what was
-// learnt is wrong.
+constexpr int kLearnerSteps = 2;  // for each picture that it keeps
+// Residuals of LEDs that were learnt are noise. Where they are more than this, and
+// these times as large as with the LEDs as written, in so many pictures in a row, what
+// was learnt is wrong.
 constexpr double kUnexplained_px = 0.15, kWrittenBetter = 3;
 constexpr int kWrittenPictures = 4;
 constexpr double kGammaKept = 0.07;    // change of its logarithm that does not matter

@@ -58,8 +58,8 @@ constexpr Seconds kFlareEarliest = -0.1, kFlareLatest = 0.35;
 constexpr double kFlareSlew = 0.8;    // s/s: the reference does not jump.
 constexpr Seconds kFlareStep = 0.01;  // between the brain's steps
 // While its rotors run down a push slides it over the pad: a stronger one than this,
-// m/s^2, by so many m per m/s^2 more. (In 130 landings 3.5 slid it by 3.0 cm with 0.9 of
-// sd, 1.6 by 5 mm, 0.9 by 2.) It touches as far ahead of the middle, at most:
+// m/s^2, by so many m per m/s^2 more. (In 130 landings 3.5 slid it by 3.0 cm with 0.9
+// of sd, 1.6 by 5 mm, 0.9 by 2.) It touches as far ahead of the middle, at most:
 constexpr double kSlidesFrom = 1.3, kSlidesPerPush = 0.0136, kAheadMost = 0.05;
 constexpr double kSquareUpWithin =
     0.05;                            // m, of a miss; by half as much at 1.5 times it

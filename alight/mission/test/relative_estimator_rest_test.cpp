@@ -249,10 +249,9 @@ TEST(RelativeEstimator, MeasuredAtRestItsLedsGoOnBeingLearntInFlight) {
     for (int k = 0; k < kPictures; ++k) {
       const double s = k / 60.0;
       const Vector3 way(-0.25 - 0.15 * std::cos(s), 0.15 * std::sin(1.3 * s), 0.3);
-      const Pose X_NB =
-          make_pose(from_rpy(0.2 * std::sin(1.7 * s), 0.25 * std::sin(s),
-                             0.3 * std::sin(0.8 * s)),
-                    w.X_NB_rest.translation() + std::min(s, 1.0) * way);
+      const Pose X_NB = make_pose(from_rpy(0.2 * std::sin(1.7 * s), 0.25 * std::sin(s),
+                                           0.3 * std::sin(0.8 * s)),
+                                  w.X_NB_rest.translation() + std::min(s, 1.0) * way);
       w.draw(X_NB);
       w.again();
       if (k < kPictures - kLast) continue;

@@ -405,7 +405,8 @@ TEST(RelativeEstimator, LedsOfARigThatIsOffLeaveThePictureWithoutTellingSpeed) {
 
 /// A drone of which LEDs are off, turned to and fro before the lens, so far away.
 struct OffRig : Watch {
-  explicit OffRig(unsigned seed) : Watch(RelativeEstimatorConfig::camera_only(), alan_rig()) {
+  explicit OffRig(unsigned seed)
+      : Watch(RelativeEstimatorConfig::camera_only(), alan_rig()) {
     Rng rng(seed);
     for (Led& led : truth.leds.leds) {
       led.p_BL += 0.002 * Vector3(rng.normal(), rng.normal(), rng.normal());
@@ -413,9 +414,9 @@ struct OffRig : Watch {
   }
   Pose at(double s, double range_m) const {
     const Vector3 p_CB(0.1 * std::sin(0.9 * s), 0.05 * std::cos(0.7 * s), range_m);
-    return make_pose(from_rpy(0.2 * std::sin(1.7 * s), 0.25 * std::sin(s),
-                              0.4 * std::sin(0.8 * s)),
-                     rig.camera.X_NC * p_CB);
+    return make_pose(
+        from_rpy(0.2 * std::sin(1.7 * s), 0.25 * std::sin(s), 0.4 * std::sin(0.8 * s)),
+        rig.camera.X_NC * p_CB);
   }
   /// Pictures while it goes from one distance to another.
   template <class Then>
