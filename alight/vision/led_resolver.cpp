@@ -17,6 +17,8 @@ constexpr double kStrangerReach = 15;  // px around the constellation
 // An edge covers parts of so many LEDs at once; where more are unlike LEDs they are
 // blurred, all of them, and their middles still tell.
 constexpr int kCoveredAtOnce = 2;
+// A blob is an LED's own up to so many times the area of one that is as bright, nearly.
+constexpr double kOutgrown = 1.8, kAsBright = 0.8;
 
 }  // namespace
 
@@ -104,7 +106,10 @@ void LedResolver::resolve(const ImageView& image, BlobSpan blobs,
             continue;
           }
           const Blob& blob = blobs[static_cast<std::size_t>(j)];
-          if (runs_on(blob, blur_px[n]) || (covered && misshapen(patch))) continue;
+          if (runs_on(blob, blur_px[n]) || (covered && misshapen(patch)) ||
+              outgrown(patch, patches)) {
+            continue;
+          }
           out.seen.push_back(o);
           out.seen.back().cov += displacement(first, blob);
         }
@@ -135,7 +140,8 @@ void LedResolver::resolve(const ImageView& image, BlobSpan blobs,
     const int j = match.blob[static_cast<std::size_t>(patch.members[0])];
     if (patch.fit || patch.members.size() > 1 || j < 0) continue;
     const Blob& blob = blobs[static_cast<std::size_t>(j)];
-    if (runs_on(blob, blur_px[static_cast<std::size_t>(patch.members[0])])) {
+    if (runs_on(blob, blur_px[static_cast<std::size_t>(patch.members[0])]) ||
+        outgrown(patch, patches)) {
       frame.refused.push_back({blob.uv, Refusal::too_large});
     }
   }
@@ -233,7 +239,7 @@ std::optional<LedFrame> LedResolver::follow(const ImageView& image, BlobSpan blo
     if (patch.members.size() > 1) return std::nullopt;
     const Blob& blob = blobs[static_cast<std::size_t>(match.blob[n])];
     if (patch.area_px <= config_.area_max_px && !blob.saturated) return std::nullopt;
-    if (misshapen(patch)) return std::nullopt;
+    if (misshapen(patch) || outgrown(patch, patches)) return std::nullopt;
     if (runs_on(blob, blur_px[n])) return std::nullopt;
     LedObservation o;
     o.leds = static_cast<std::uint16_t>(1u << n);
@@ -260,6 +266,19 @@ std::optional<LedFrame> LedResolver::follow(const ImageView& image, BlobSpan blo
   remember_lit(lit);
   learn_from(look, patches);
   return out;
+}
+
+bool LedResolver::outgrown(const Patch& patch, const Patches& patches) const {
+  const double height = heights_[static_cast<std::size_t>(patch.members[0])];
+  if (patch.fit || patch.members.size() > 1 || height == 0) return false;
+  double largest_px = 0;
+  for (const Patch& other : patches) {
+    if (!other.fit || other.members.size() > 1) continue;
+    if (other.fit->height[0] > kAsBright * height) {
+      largest_px = std::max(largest_px, other.area_px);
+    }
+  }
+  return largest_px > 0 && patch.area_px > kOutgrown * largest_px;
 }
 
 bool LedResolver::misshapen(const Patch& patch) const {

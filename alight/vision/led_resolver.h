@@ -127,6 +127,9 @@ class LedResolver {
   /// An LED that has been told by its pixels, and is none by them now: something covers
   /// part of it, and what is left of it is not where it is.
   bool misshapen(const Patch& patch) const;
+  /// A blob far larger than those of LEDs as bright as this one: what runs together
+  /// with a lamp.
+  bool outgrown(const Patch& patch, const Patches& patches) const;
   bool is_its_own(const Blob& blob, int led, const Vector2& blur_px) const;
 
   LedResolverConfig config_;
