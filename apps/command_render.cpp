@@ -62,7 +62,8 @@ void add_render(CLI::App& app, Job& job) {
       ->required()
       ->check(named());
   command->add_flag("--mixed", settings->mixed,
-                    "The flight of this seed of alight measure --mixed");
+                    "The flight of this seed of alight measure --mixed, with as many "
+                    "--frames");
   command->add_flag("--json", settings->json, "One JSON document");
   command->callback(
       [settings, &job] { job = [settings] { return render(*settings); }; });
