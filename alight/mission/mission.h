@@ -126,6 +126,7 @@ class Mission {
   double ramp_share(const MissionInput& in);
   bool left_floor(const MissionInput& in) const;
   Seconds blind_for_at_most() const;
+  bool at_gear_height(const MissionInput& in, double slack) const;
   bool stood(const MissionInput& in);
   bool lifts_off(const MissionInput& in) const;
   bool still_stands(const MissionInput& in) const;

@@ -48,6 +48,9 @@ constexpr double kFeetDown = 0.04, kLevelDeg = 12, kStill = 0.15;
 constexpr double kBeforeTheFirst = 2.5;
 constexpr Seconds kStoodFor = 0.2;
 constexpr const char* kUnhealthy = "the radio link is not healthy";
+constexpr const char* kOffItsFeet =
+    "it stands, but is seen higher or lower than its gear height: the camera's mount or "
+    "the gear height is not as the rig file has it";
 
 double angle_between(const Vector3& a, const Vector3& b) {
   return std::atan2(a.cross(b).norm(), a.dot(b));
@@ -99,11 +102,15 @@ void Mission::idle(const MissionInput& in, Command& c, Output& out) {
   }
 }
 
+bool Mission::at_gear_height(const MissionInput& in, double slack) const {
+  return std::abs(in.x_seen.p_NB.z() - gear_height_) < slack * kFeetDown;
+}
+
 // A start that failed may have thrown it over or off the pad.
 bool Mission::stood(const MissionInput& in) {
   const RelativeState& x = in.x_seen;
   const double slack = starts_ == 0 ? kBeforeTheFirst : 1;
-  const bool stands = std::abs(x.p_NB.z() - gear_height_) < slack * kFeetDown &&
+  const bool stands = at_gear_height(in, slack) &&
                       off_middle(x.p_NB) < pad_half_ + (slack - 1) * kFeetDown &&
                       angle_between(Vector3(x.R_NB.col(2)), Vector3(Vector3::UnitZ())) <
                           slack * kLevelDeg * kDegree &&
@@ -124,6 +131,12 @@ void Mission::armed(const MissionInput& in, Command& c, Output& out) {
   } else if (hold_wanted_) {
     stop_motors(in, c);
     go(MissionState::idle, "the operator holds", in, out);
+  } else if (!config_.start_on_floor && in.estimate_valid && !at_gear_height(in, 1) &&
+             !pilot_flies(in)) {
+    // By now the rig has been measured by how it stands, if that could be done. Coming
+    // back it would meet the pad still sinking, or end above it.
+    stop_motors(in, c);
+    go(MissionState::refused, kOffItsFeet, in, out);
   } else if (in.armed && in.link->healthy(in.now)) {
     ++starts_;
     coming_down_ = false;

@@ -44,6 +44,7 @@ class Flight {
   bool computer_was_late = false;
   bool picture_repeats = false;
   bool told_of = false;  ///< Unseen, its autopilot tells how it moves.
+  double seen_higher = 0;  ///< m, than it is.
   double miss_sd_m = 0.02;
   double deck_swing = 0, deck_lean = 0;  ///< m/s^2; rad, at the touch
   Vector3 push_N = Vector3::Zero();      ///< m/s^2, of the wind
@@ -102,6 +103,7 @@ class Flight {
     if (sight) {
       seen_ = now_;
       x_seen_ = x_;
+      x_seen_.p_NB.z() += seen_higher;
       ever_seen_ = true;
     }
     in.estimate_valid = ever_seen_ && estimate;

@@ -5,6 +5,10 @@
 namespace alight {
 namespace {
 
+constexpr const char* kOffItsFeet =
+    "it stands, but is seen higher or lower than its gear height: the camera's mount or "
+    "the gear height is not as the rig file has it";
+
 // Refused before it has left the ground; nothing but a disarm is ever ordered.
 struct Refusing {
   const char* name;
@@ -23,6 +27,7 @@ TEST_P(MissionRefuses, AndSaysWhy) {
   // For good.
   f.link_up = f.telemetry = f.platform = f.sight = f.arms = f.lifts = true;
   f.battery = 1;
+  f.seen_higher = 0;
   const int arms_before = f.orders_arm;
   f.wish = OperatorWish::go;
   f.run(12);
@@ -43,6 +48,8 @@ INSTANTIATE_TEST_SUITE_P(
         Refusing{
             "NoSight", [](Flight& f) { f.sight = false; },
             "the LEDs are not seen on the pad, or not where the rig file has them"},
+        Refusing{"SeenTooHigh", [](Flight& f) { f.seen_higher = 0.06; }, kOffItsFeet},
+        Refusing{"SeenTooLow", [](Flight& f) { f.seen_higher = -0.06; }, kOffItsFeet},
         Refusing{"LowBattery", [](Flight& f) { f.battery = 0.1; },
                  "the battery is too low to start"},
         Refusing{"DoesNotArm", [](Flight& f) { f.arms = false; },
@@ -60,6 +67,30 @@ TEST(Mission, WaitsForWhatIsMissingAndThenStarts) {
   EXPECT_EQ(f.orders_arm, 0);
   f.sight = true;
   EXPECT_TRUE(f.until(State::follow));
+}
+
+TEST(Mission, WhatHowItStandsHasCorrectedDoesNotKeepItFromStarting) {
+  for (const double by : {-0.06, 0.06}) {
+    SCOPED_TRACE(by);
+    Flight f;
+    f.seen_higher = by;
+    ASSERT_TRUE(f.reach(State::armed));
+    f.seen_higher = 0;
+    EXPECT_TRUE(f.until(State::follow));
+  }
+}
+
+TEST(Mission, SeenOffItsGearHeightNoMotorTurns) {
+  for (const bool armed_before : {false, true}) {
+    SCOPED_TRACE(armed_before);
+    Flight f;
+    if (armed_before) f.arm_late();
+    f.seen_higher = -0.06;
+    ASSERT_TRUE(f.reach(State::refused));
+    EXPECT_EQ(f.orders_arm, 0);
+    f.run(1);
+    EXPECT_FALSE(f.armed());
+  }
 }
 
 TEST(Mission, AnOldSightIsNone) {
