@@ -14,6 +14,8 @@ struct LinkMonitorConfig {
   double tilt_smallest_after_s = 0.5;  ///< commanded shrinks, and when it is smallest,
   double tilt_smallest_deg = 3;        ///< so that what is held then does little harm.
   double lost_after_s = 1.0;
+  double stall_s = 0.35;  ///< A silence in which an autopilot gives set-points up
+                          ///< (PX4: COM_OF_LOSS_T, 0.3 s or less).
 };
 
 /// How late and how alive the radio is, from what comes back over it.
@@ -31,6 +33,10 @@ class LinkMonitor {
   }
   /// Anything that came from the drone.
   void heard(Time t) {
+    if (ever_ && to_seconds(t - last_heard_) > config_.stall_s) {
+      before_ = last_stall_;
+      last_stall_ = t;
+    }
     last_heard_ = std::max(last_heard_, t);
     ever_ = true;
   }
@@ -41,6 +47,14 @@ class LinkMonitor {
   }
   bool lost(Time now) const { return silence(now) > config_.lost_after_s; }
   bool healthy(Time now) const { return silence(now) < config_.tilt_shrinks_after_s; }
+  /// A stall has ended within the last so many seconds.
+  bool stalled(Time now, Seconds within) const {
+    return lies(last_stall_, now, within);
+  }
+  /// More than one has.
+  bool stalls_often(Time now, Seconds within) const {
+    return lies(before_, now, within);
+  }
   double delay_ms() const { return delay_ms_; }
   Time delay() const { return from_seconds(delay_ms_ * 1e-3); }
 
@@ -55,9 +69,14 @@ class LinkMonitor {
   }
 
  private:
+  static bool lies(Time stall, Time now, Seconds within) {
+    return stall != 0 && to_seconds(now - stall) < within;
+  }
+
   LinkMonitorConfig config_;
   double delay_ms_;
   Time last_heard_ = 0;
+  Time last_stall_ = 0, before_ = 0;  // when they ended; 0: none
   bool ever_ = false;
 };
 

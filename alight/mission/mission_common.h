@@ -16,6 +16,8 @@ inline constexpr const char* kTooFast =
     "the platform is too fast for the drone's speed limit: no landing";
 inline constexpr const char* kOffItsWay =
     "far off its way: it goes on from where it is";
+// Stalls of the radio in which an autopilot acts alone throw a landing over the pad.
+inline constexpr const char* kLinkStalls = "the radio link stalls again and again";
 // Why only the autopilot acts.
 inline constexpr const char* kUnheard =
     "nothing heard from the drone: its autopilot acts alone";

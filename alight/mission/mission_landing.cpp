@@ -42,6 +42,8 @@ constexpr Seconds kAloneLately = 0.5;
 // A drone on the pad is in sight of the camera. One that a computer which stood still
 // past the commit does not see again within this time is not there any more.
 constexpr Seconds kStandsInSight = 0.15;
+// Two stalls of the radio within this time announce a third, s.
+constexpr Seconds kStallsWithin = 8;
 constexpr const char* kSetDown =
     "set-points did not arrive: its autopilot has set it down on the pad";
 constexpr const char* kNoOdometry = "no platform odometry comes";
@@ -215,9 +217,11 @@ void Mission::rendezvous(const MissionInput& in, Output& out) {
     go(MissionState::follow, kNoOdometry, in, out);
     return;
   }
-  if (!settled(in)) {
+  const bool stalls = in.link->stalls_often(in.now, kStallsWithin) && !battery_low_;
+  if (!settled(in) || (stalls && !plan_pending_)) {
     if (in_state(in) > config_.unsettled_max_s) {
-      go(MissionState::hold, "it does not come to rest at the rendezvous", in, out);
+      go(MissionState::hold,
+         stalls ? kLinkStalls : "it does not come to rest at the rendezvous", in, out);
     }
     return;
   }

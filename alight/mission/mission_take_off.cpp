@@ -47,9 +47,11 @@ constexpr Seconds kRampActsIn = 0.1;  // Later, the take-off's thrust grows more
 constexpr double kFeetDown = 0.04, kLevelDeg = 12, kStill = 0.15;
 constexpr double kBeforeTheFirst = 2.5;
 constexpr Seconds kStoodFor = 0.2;
+constexpr Seconds kCalmLink = 3;
 constexpr const char* kUnhealthy = "the radio link is not healthy";
 constexpr const char* kOffItsFeet =
-    "it stands, but is seen higher or lower than its gear height: the camera's mount or "
+    "it stands, but is seen higher or lower than its gear height: the camera's mount "
+    "or "
     "the gear height is not as the rig file has it";
 
 double angle_between(const Vector3& a, const Vector3& b) {
@@ -90,6 +92,8 @@ void Mission::idle(const MissionInput& in, Command& c, Output& out) {
         in.blindness == Blindness::leds ? kUnseenOnPad : words_for(in.blindness).lost;
   } else if (!config_.start_on_floor && !stood(in)) {
     missing = "the drone does not stand on the pad";
+  } else if (in.link->stalled(in.now, kCalmLink)) {
+    missing = kLinkStalls;
   }
   if (missing == nullptr && in.battery < config_.safety.battery_low) {
     go(MissionState::refused, "the battery is too low to start", in, out);

@@ -43,7 +43,7 @@ class Flight {
   Blindness blindness = Blindness::leds;
   bool computer_was_late = false;
   bool picture_repeats = false;
-  bool told_of = false;  ///< Unseen, its autopilot tells how it moves.
+  bool told_of = false;    ///< Unseen, its autopilot tells how it moves.
   double seen_higher = 0;  ///< m, than it is.
   double miss_sd_m = 0.02;
   double deck_swing = 0, deck_lean = 0;  ///< m/s^2; rad, at the touch
@@ -74,6 +74,12 @@ class Flight {
   bool armed() const { return armed_; }
   void arm_late() { armed_ = true; }
 
+  /// The radio, too, for so long; then it is up again.
+  void stall(Seconds s) {
+    link_up = false;
+    run(s);
+    link_up = true;
+  }
   /// The computer stands still.
   void miss(Seconds s) {
     now_ += from_seconds(s);

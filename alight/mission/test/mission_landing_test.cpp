@@ -206,6 +206,29 @@ TEST(Mission, AnInfeasiblePlanIsTriedAgainAndThenFollowed) {
   EXPECT_EQ(f.mission().status().attempts, 2);
 }
 
+// Its autopilot acts alone in each, and over the pad that throws a landing.
+TEST(Mission, NoLandingBeginsWhileTheRadioStallsAgainAndAgain) {
+  Flight f;
+  ASSERT_TRUE(f.reach(State::follow));
+  for (int n = 0; n < 40 && f.state() != State::hold; ++n) {
+    f.stall(0.5);
+    f.run(0.5);
+    ASSERT_NE(f.state(), State::land);
+  }
+  ASSERT_EQ(f.state(), State::hold);
+  EXPECT_EQ(f.reason(), "the radio link stalls again and again");
+  EXPECT_TRUE(f.requests.empty());
+  f.wish = OperatorWish::go;
+  EXPECT_TRUE(f.until(State::complete, 60));
+}
+
+TEST(Mission, AStallOfTheRadioNowAndThenKeepsNoneFromLanding) {
+  Flight f;
+  ASSERT_TRUE(f.reach(State::follow));
+  f.stall(0.5);
+  ASSERT_TRUE(f.until(State::land, 12));
+}
+
 TEST(Mission, APlanIsAskedFromWhereTheReferenceWillBe) {
   Flight f;
   ASSERT_TRUE(f.reach(State::land));

@@ -6,7 +6,8 @@ namespace alight {
 namespace {
 
 constexpr const char* kOffItsFeet =
-    "it stands, but is seen higher or lower than its gear height: the camera's mount or "
+    "it stands, but is seen higher or lower than its gear height: the camera's mount "
+    "or "
     "the gear height is not as the rig file has it";
 
 // Refused before it has left the ground; nothing but a disarm is ever ordered.
@@ -91,6 +92,28 @@ TEST(Mission, SeenOffItsGearHeightNoMotorTurns) {
     f.run(1);
     EXPECT_FALSE(f.armed());
   }
+}
+
+TEST(Mission, WhileTheRadioStallsNoneStarts) {
+  Flight f;
+  f.run(1);
+  f.stall(0.5);
+  f.wish = OperatorWish::go;
+  for (int n = 0; n < 20 && f.state() == State::idle; ++n) {
+    f.run(1);
+    f.stall(0.5);
+  }
+  EXPECT_EQ(f.state(), State::refused);
+  EXPECT_EQ(f.reason(), "the radio link stalls again and again");
+  EXPECT_EQ(f.orders_arm, 0);
+
+  Flight calm;
+  calm.run(1);
+  calm.stall(0.5);
+  calm.wish = OperatorWish::go;
+  calm.run(2);
+  EXPECT_EQ(calm.orders_arm, 0);
+  EXPECT_TRUE(calm.until(State::follow));
 }
 
 TEST(Mission, AnOldSightIsNone) {
