@@ -187,10 +187,12 @@ Result<BlobSpan> BlobDetector::detect(const ImageView& image, const DepthView& d
   const int c = image.channels;
   const bool masked = !depth.empty() && config_.depth_threshold_m > 0;
   const int far_mm = static_cast<int>(std::lround(config_.depth_threshold_m * 1000));
+  // Whole rows follow one another: memory is read ahead of itself.
+  const bool apart = (cut.u1 - cut.u0) * c < image.stride;
   for (int v = cut.v0; v < cut.v1; ++v) {
     row_begin_[static_cast<std::size_t>(v)] = runs_.size();
     const std::uint8_t* bytes = image.row(v);
-    if (v + kFetchRows < cut.v1) {
+    if (apart && v + kFetchRows < cut.v1) {
       const std::uint8_t* next = image.row(v + kFetchRows);
       for (int at = cut.u0 * c; at < cut.u1 * c; at += kCacheLine) {
         __builtin_prefetch(next + at);

@@ -30,6 +30,7 @@ constexpr double kEnough = 1e-3;    // of the cost; a step that gains less is th
 constexpr float kFaint = 1e-3f;     // grey levels, for what has no logarithm
 constexpr double kPowerMost = 1.8;  // of its logarithm, either way
 
+constexpr int kRestsLeast = 4, kRestsMost = 128;  // pictures, after a vain look
 constexpr double kVagueSd = 1;  // a look that tells less tells nothing
 constexpr double kChi2Most = 3, kChi2Least = 0.2;
 constexpr double kLookSd =
@@ -59,6 +60,10 @@ double likelihood(const Kind& kind, double mean, double variance) {
 void GammaLearner::look(const ImageView& stored, std::span<const Vector2> lights,
                         double sd_px, const PictureNoise& noise) {
   if (busy() || settled() || lights.size() < 2 || lights.size() > kLightsMost) return;
+  if (rest_ > 0) {
+    --rest_;
+    return;
+  }
   const double sd = std::clamp(sd_px, kSdLeast_px, kSdMost_px);
   Vector2 low = lights[0], high = lights[0];
   for (const Vector2& uv : lights) {
@@ -316,28 +321,31 @@ void GammaLearner::step() {
   }
   const bool last = gained > 0 && gained < kEnough * now_.cost;
   if (++iteration_ >= kIterations || last) {
-    if (last) finish();
+    const bool told = last && finish();
+    rests_ = told ? 0 : std::clamp(2 * rests_, kRestsLeast, kRestsMost);
+    rest_ = rests_;
     iteration_ = -1;
   }
 }
 
-void GammaLearner::finish() {
+bool GammaLearner::finish() {
   const int n = parameters(), power = n - 1;
   const double chi2 = now_.chi2 / (pixels_.count - n);
-  if (!(chi2 < kChi2Most)) return;
+  if (!(chi2 < kChi2Most)) return false;
   const Eigen::LLT<Matrix> llt(now_.A);
-  if (llt.info() != Eigen::Success) return;
+  if (llt.info() != Eigen::Success) return false;
   const Vector unit = Vector::Unit(n, power);
   // What the pixels say, without the prior.
   const double with_prior = 1 / llt.solve(unit)[power];
   const double information = with_prior - prior_[power];
   const double variance = std::max(chi2, kChi2Least) / information;
-  if (!(information > 0 && variance < squared(kVagueSd))) return;
+  if (!(information > 0 && variance < squared(kVagueSd))) return false;
   const double value = at_[power] * with_prior / information;
   const double weight = 1 / (variance + squared(kLookSd));
   information_ += weight;
   sum_ -= weight * std::clamp(value, -kPowerMost, kPowerMost);
   ++looks_;
+  return true;
 }
 
 double GammaLearner::exponent() const {

@@ -25,8 +25,9 @@ class GammaLearner {
   static constexpr double kAlone = 8;
 
   /// Takes the pixels around two or three lights of one colour, unless it is busy with
-  /// earlier ones or knows enough. @param sd_px of a light's width in the picture as
-  /// stored. @param noise of the same.
+  /// earlier ones or knows enough. After a look that told nothing so many pictures are
+  /// let pass, after the next twice as many. @param sd_px of a light's width in the
+  /// picture as stored. @param noise of the same.
   void look(const ImageView& stored, std::span<const Vector2> lights, double sd_px,
             const PictureNoise& noise);
 
@@ -64,7 +65,7 @@ class GammaLearner {
   /// likelier.
   double exponent() const;
   Equations equations(const Vector& at) const;
-  void finish();
+  bool finish();  ///< @returns whether the look told something
 
   Pixels pixels_;
   int lights_ = 0;
@@ -75,6 +76,7 @@ class GammaLearner {
   int iteration_ = -1;                // of the look it is busy with
   double information_ = 0, sum_ = 0;  // on the logarithm of gamma
   int looks_ = 0;
+  int rest_ = 0, rests_ = 0;  // pictures to let pass, after the last vain look
 };
 
 }  // namespace alight

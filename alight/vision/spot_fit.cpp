@@ -63,6 +63,26 @@ ALIGHT_INLINE void take(const std::uint8_t* p, const ImageView& image, int u, in
   }
 }
 
+/// The same of `n` pixels of a row from column u on, at `p`.
+template <Sees kSees>
+ALIGHT_INLINE void take_row(const std::uint8_t* p, const ImageView& image, int u, int v,
+                            int n, std::size_t at, Pixels& out) {
+  constexpr int kColors = 3;
+  if (kSees == Sees::luminance && image.channels == kColors) {
+    for (int k = 0; k < n; ++k, ++at) {
+      const std::uint8_t* const q = p + kColors * k;
+      out.u[at] = static_cast<float>(u + k);
+      out.v[at] = static_cast<float>(v);
+      out.light[at] = luminance_of(q);
+      out.full[at] = grey_of(q, kColors) >= kCensored ? 1.f : 0.f;
+    }
+    return;
+  }
+  for (int k = 0; k < n; ++k) {
+    take<kSees>(p + k * image.channels, image, u + k, v, at++, out);
+  }
+}
+
 /// How much each counts; and up to a whole lane.
 ALIGHT_INLINE void weigh(float noise, Pixels& out) {
   auto count = static_cast<std::size_t>(out.count);
@@ -127,6 +147,11 @@ bool gather(const ImageView& image, std::span<const LightSought> sought, double 
       taken = row.end;
       if (count + static_cast<std::size_t>(row.end - begin) > kPixelsMax) return false;
       const std::uint8_t* p = image.row(v) + begin * channels;
+      if (foreign.empty()) {
+        take_row<kSees>(p, image, begin, v, row.end - begin, count, out);
+        count += static_cast<std::size_t>(row.end - begin);
+        continue;
+      }
       for (int u = begin; u < row.end; ++u, p += channels) {
         take<kSees>(p, image, u, v, count, out);
         bool own = true;
@@ -211,11 +236,13 @@ void take_off(std::span<const LightBeside> beside, const PointSpread& spread,
 }
 
 constexpr int kBoxSide = 2 * kSkirtBox + 1;
+constexpr int kBoxRow = kBoxSide + 1;  // columns: whole lanes, the last weighs nothing
+static_assert(kBoxRow % kLane == 0);
 
 /// Along one axis of a box, of a light and of its skirt.
 struct Profile {
-  float d2[kBoxSide];  // squared distance over the variance of the former
-  float core[kBoxSide], wide[kBoxSide];
+  alignas(32) float d2[kBoxRow];  // squared distance over the variance of the former
+  alignas(32) float core[kBoxRow], wide[kBoxRow];
 };
 ALIGHT_INLINE Profile profile(int first, double middle, double height,
                               const PointSpread& spread) {
@@ -223,7 +250,7 @@ ALIGHT_INLINE Profile profile(int first, double middle, double height,
   const auto per_variance = static_cast<float>(1 / spread.variance_px2);
   const auto narrower = static_cast<float>(1 / spread.skirt_over_core());
   const auto h = static_cast<float>(height);
-  for (int k = 0; k < kBoxSide; ++k) {
+  for (int k = 0; k < kBoxRow; ++k) {
     const float d = static_cast<float>(first + k) - static_cast<float>(middle);
     out.d2[k] = per_variance * d * d;
     out.core[k] = h * exp_of(-0.5f * out.d2[k]);
@@ -540,17 +567,19 @@ ALIGHT_INLINE std::optional<SkirtLook> skirt_of(const ImageView& image,
         middle.y() < image.height - kSkirtBox - 1)) {
     return std::nullopt;
   }
-  static_assert(kBoxSide * kBoxSide <= kPixelsMax);
+  static_assert(kBoxSide * kBoxRow <= kPixelsMax);
   const int u0 = static_cast<int>(std::lround(middle.x())) - kSkirtBox;
   const int v0 = static_cast<int>(std::lround(middle.y())) - kSkirtBox;
   const auto noise = static_cast<float>(spread.noise_variance);
   Pixels pixels;
   std::size_t count = 0;
   for (int v = v0; v <= v0 + 2 * kSkirtBox; ++v) {
-    const std::uint8_t* p = image.row(v) + u0 * image.channels;
-    for (int u = u0; u <= u0 + 2 * kSkirtBox; ++u, p += image.channels) {
-      take<kSees>(p, image, u, v, count++, pixels);
-    }
+    take_row<kSees>(image.row(v) + u0 * image.channels, image, u0, v, kBoxSide, count,
+                    pixels);
+    count += kBoxSide;
+    pixels.light[count] = 0;
+    pixels.channel[count] = 0;
+    pixels.full[count++] = 1;
   }
   pixels.count = static_cast<int>(count);
   weigh(noise, pixels);
@@ -571,19 +600,19 @@ ALIGHT_INLINE std::optional<SkirtLook> skirt_of(const ImageView& image,
     const Profile down = profile(v0, light.uv.y(), light.height, spread);
     for (int row = 0; row < kBoxSide; ++row) {
       const float d2_v = down.d2[row], core_v = down.core[row], wide_v = down.wide[row];
-      float* const core_row = core + row * kBoxSide;
-      float* const wide_row = wide + row * kBoxSide;
-      float* const wider_row = wider + row * kBoxSide;
-      float* const weight_row = pixels.weight.data() + row * kBoxSide;
-      float gain[kBoxSide];
-      for (int k = 0; k < kBoxSide; ++k) {
+      float* const core_row = core + row * kBoxRow;
+      float* const wide_row = wide + row * kBoxRow;
+      float* const wider_row = wider + row * kBoxRow;
+      float* const weight_row = pixels.weight.data() + row * kBoxRow;
+      alignas(32) float gain[kBoxRow];
+      for (int k = 0; k < kBoxRow; ++k) {
         gain[k] = 1;
         if constexpr (kSees == Sees::own_color) {
-          const auto at = static_cast<std::size_t>(row * kBoxSide + k);
+          const auto at = static_cast<std::size_t>(row * kBoxRow + k);
           gain[k] = light.color[pixels.channel[at]];
         }
       }
-      for (int k = 0; k < kBoxSide; ++k) {
+      for (int k = 0; k < kBoxRow; ++k) {
         const float d2 = d2_v + along.d2[k];
         const float skirt = wide_v * along.wide[k] * gain[k];
         core_row[k] += core_v * along.core[k] * gain[k];

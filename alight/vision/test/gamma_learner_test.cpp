@@ -47,6 +47,7 @@ Picture picture_of(const CameraLook& look, const std::vector<Vector2>& lights,
 struct Learnt {
   GammaLearner learner;
   int most_steps = 0;
+  int taken = 0;  // looks
 };
 
 Learnt learn(const CameraLook& look, int looks, std::uint64_t seed, int count = 2,
@@ -72,6 +73,7 @@ Learnt learn(const CameraLook& look, int looks, std::uint64_t seed, int count = 
       ++steps;
     }
     out.most_steps = std::max(out.most_steps, steps);
+    out.taken += steps > 0;
   }
   return out;
 }
@@ -173,6 +175,17 @@ TEST(GammaLearner, SaysNothingFromLittle) {
   const std::vector<Vector2> edge{Vector2(2, 2), Vector2(5, 2)};
   learner.look(picture.view(), edge, 1, {});
   EXPECT_FALSE(learner.busy());
+}
+
+// Noise as strong as that leaves no look worth its time.
+TEST(GammaLearner, LooksSeldomWhereLooksTellNothing) {
+  const Learnt vain = learn({.noise_sd = 60}, 300, 9);
+  EXPECT_FALSE(vain.learner.gamma());
+  EXPECT_GE(vain.taken, 3);
+  EXPECT_LE(vain.taken, 12);
+  // A few such do not keep it from finding out.
+  const Learnt told = learn({.gamma = 2.2}, 12, 9);
+  EXPECT_GE(told.taken, 8);
 }
 
 TEST(GammaLearner, EndsEveryLookInFewSteps) {
