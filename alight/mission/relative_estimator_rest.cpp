@@ -9,6 +9,23 @@ namespace alight {
 namespace {
 
 constexpr double kRestReach = 4;  // sd of its place, from where it is expected
+// LEDs that are off by more than the rig is supposed to be would be taken for their
+// neighbours: which is which is asked of a rig that is this many times worse.
+constexpr double kRigDoubt = 2;
+
+RestCalibrationConfig doubted(RestCalibrationConfig config) {
+  config.led_sd_m *= kRigDoubt;
+  return config;
+}
+
+/// By the rig as well as it is supposed to be known, or else half as well.
+Result<RestFit> measure_at_rest(const RestCalibrationConfig& config,
+                                const Camera& camera, const Constellation& leds,
+                                std::span<const LedObservation> seen,
+                                const Pose& X_NB_rest) {
+  auto fit = calibrate_at_rest(config, camera, leds, seen, X_NB_rest);
+  return fit ? fit : calibrate_at_rest(doubted(config), camera, leds, seen, X_NB_rest);
+}
 
 }  // namespace
 
@@ -31,9 +48,8 @@ Result<RestFit> RelativeEstimator::calibrate_at_rest() {
     o.uv = *uv;
     seen.push_back(o);
   }
-  const auto fit =
-      alight::calibrate_at_rest(config_.rest, camera_written_, leds_written_,
-                                {seen.data(), seen.size()}, X_NB_expected_);
+  const auto fit = measure_at_rest(config_.rest, camera_written_, leds_written_,
+                                   {seen.data(), seen.size()}, X_NB_expected_);
   if (!fit) return fail(fit.error());
   take_rest(*fit, static_cast<int>(seen.size()), filter_.time());
   return fit;
@@ -128,9 +144,13 @@ Result<RestFit> RelativeEstimator::find_at_rest(BlobSpan blobs, int leds_least,
     if (!lights.push_back(light)) return fail(Fault::ambiguous);
     blob_of.push_back(static_cast<int>(j));
   }
-  const auto found =
-      associate_at_rest(config_.rest, camera_written_, leds_written_,
-                        {lights.data(), lights.size()}, X_NB_expected_, leds_least);
+  const auto associated = [&](const RestCalibrationConfig& config) {
+    return associate_at_rest(config, camera_written_, leds_written_,
+                             {lights.data(), lights.size()}, X_NB_expected_,
+                             leds_least);
+  };
+  auto found = associated(doubted(config_.rest));
+  if (!found) found = associated(config_.rest);
   if (!found) return fail(found.error());
   Assignment match;
   for (std::size_t i = 0; i < kMaxLeds; ++i) {
@@ -138,9 +158,8 @@ Result<RestFit> RelativeEstimator::find_at_rest(BlobSpan blobs, int leds_least,
     if (light >= 0) match.blob[i] = blob_of[static_cast<std::size_t>(light)];
   }
   frame.seen = observations(match, images, blobs, 0);
-  return alight::calibrate_at_rest(config_.rest, camera_written_, leds_written_,
-                                   {frame.seen.data(), frame.seen.size()},
-                                   X_NB_expected_);
+  return measure_at_rest(config_.rest, camera_written_, leds_written_,
+                         {frame.seen.data(), frame.seen.size()}, X_NB_expected_);
 }
 
 Result<FoundLeds> RelativeEstimator::find_expected(BlobSpan blobs, Time t,

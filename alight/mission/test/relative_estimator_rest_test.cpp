@@ -31,6 +31,23 @@ struct AtRest : Watch {
     estimator.expect(
         make_pose(Matrix3::Identity(), Vector3(0, 0, rig.drone.gear_height_m)), cov);
   }
+  /// LEDs are off by so many times as much.
+  void misplace(double times) {
+    for (int i = 0; i < rig.leds.size(); ++i) {
+      Vector3& p_BL = truth.leds.leds[static_cast<std::size_t>(i)].p_BL;
+      p_BL += (times - 1) * (p_BL - rig.leds.p_BL(i));
+    }
+  }
+  /// LEDs that are said to be where there are others.
+  int mistaken() const {
+    int out = 0;
+    for (const LedUse& use : report.leds) {
+      const int led = std::countr_zero(use.observation.leds);
+      const auto uv = project_led(truth.camera, X_NB_rest, truth.leds.p_BL(led));
+      out += (use.observation.uv - *uv).norm() > 2;
+    }
+    return out;
+  }
   int stand(int pictures, unsigned which = 0x3f) {
     int tracked = 0;
     draw(X_NB_rest, which);
@@ -69,10 +86,7 @@ TEST(RelativeEstimator, AtRestADroneIsNotTurnedOverToFitLedsThatAreOff) {
   int upright = 0;
   for (unsigned seed = 1; seed <= 200; ++seed) {
     AtRest w(seed);
-    for (int i = 0; i < w.rig.leds.size(); ++i) {
-      Vector3& p_BL = w.truth.leds.leds[static_cast<std::size_t>(i)].p_BL;
-      p_BL += 0.5 * (p_BL - w.rig.leds.p_BL(i));
-    }
+    w.misplace(1.5);
     w.cov.diagonal() << 3.6e-3, 3.6e-3, 4e-4, 1.1e-2, 1.1e-2, 3e-2;
     w.expect();
     w.stand(120, 0x1f);
@@ -95,12 +109,7 @@ TEST(RelativeEstimator, AtRestEveryLedThatIsOffIsSeenInItsOwnLight) {
       w.stand(20, 0x3f & ~dark);
       all += w.report.tracked &&
              std::popcount(0x3f & ~dark) == static_cast<int>(w.report.leds.size());
-      for (const LedUse& use : w.report.leds) {
-        const int led = std::countr_zero(use.observation.leds);
-        const auto uv =
-            project_led(w.truth.camera, w.X_NB_rest, w.truth.leds.p_BL(led));
-        others += (use.observation.uv - *uv).norm() > 2;
-      }
+      others += w.mistaken();
       const Matrix3 R_NB = w.estimator.filter().state().R_NB;
       turned += so3_log(w.X_NB_rest.linear().transpose() * R_NB).norm() / kDegree;
     }
@@ -111,6 +120,22 @@ TEST(RelativeEstimator, AtRestEveryLedThatIsOffIsSeenInItsOwnLight) {
 }
 
 // Four fit many ways to stand; what six have told is not given up for them.
+// Hand-built drones are off by 4 mm; taken for its neighbour, an LED there has one take
+// off by a rig that is none.
+TEST(RelativeEstimator, AtRestLedsThatAreOffByTwiceAsMuchAreNotTakenForOthers) {
+  int all = 0, others = 0;
+  for (unsigned seed = 1; seed <= 200; ++seed) {
+    AtRest w(seed, RelativeEstimatorConfig{});
+    w.misplace(2);
+    w.expect();
+    w.stand(20);
+    all += w.report.tracked && w.report.leds.size() == 6;
+    others += w.mistaken() > 0;
+  }
+  EXPECT_GE(all, 170);
+  EXPECT_LE(others, 2);
+}
+
 TEST(RelativeEstimator, AtRestAFewLedsLessChangeNothing) {
   for (unsigned seed = 1; seed <= 40; ++seed) {
     AtRest w(seed, RelativeEstimatorConfig{});
