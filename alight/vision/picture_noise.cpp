@@ -11,7 +11,7 @@
 namespace alight {
 namespace {
 
-constexpr int kRows = 12, kColumns = 16;
+constexpr int kRows = 16, kColumns = 16;
 constexpr int kAside = 3;   // px between neighbours: demosaicing blurs nearer ones;
 constexpr int kAlike = 4;   // to the next pixel but one under the same colour
 constexpr int kShift = 5;   // px by which the columns of a row lie off those above
