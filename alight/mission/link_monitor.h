@@ -34,7 +34,7 @@ class LinkMonitor {
   /// Anything that came from the drone.
   void heard(Time t) {
     if (ever_ && to_seconds(t - last_heard_) > config_.stall_s) {
-      before_ = last_stall_;
+      stall_before_ = last_stall_;
       last_stall_ = t;
     }
     last_heard_ = std::max(last_heard_, t);
@@ -53,7 +53,7 @@ class LinkMonitor {
   }
   /// More than one has.
   bool stalls_often(Time now, Seconds within) const {
-    return lies(before_, now, within);
+    return lies(stall_before_, now, within);
   }
   double delay_ms() const { return delay_ms_; }
   Time delay() const { return from_seconds(delay_ms_ * 1e-3); }
@@ -76,7 +76,7 @@ class LinkMonitor {
   LinkMonitorConfig config_;
   double delay_ms_;
   Time last_heard_ = 0;
-  Time last_stall_ = 0, before_ = 0;  // when they ended; 0: none
+  Time last_stall_ = 0, stall_before_ = 0;  // when they ended; 0: none
   bool ever_ = false;
 };
 

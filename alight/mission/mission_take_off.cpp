@@ -47,12 +47,11 @@ constexpr Seconds kRampActsIn = 0.1;  // Later, the take-off's thrust grows more
 constexpr double kFeetDown = 0.04, kLevelDeg = 12, kStill = 0.15;
 constexpr double kBeforeTheFirst = 2.5;
 constexpr Seconds kStoodFor = 0.2;
-constexpr Seconds kCalmLink = 3;
+constexpr Seconds kCalmLink = 3;  // without a stall of the radio, before a start
 constexpr const char* kUnhealthy = "the radio link is not healthy";
 constexpr const char* kOffItsFeet =
     "it stands, but is seen higher or lower than its gear height: the camera's mount "
-    "or "
-    "the gear height is not as the rig file has it";
+    "or the gear height is not as the rig file has it";
 
 double angle_between(const Vector3& a, const Vector3& b) {
   return std::atan2(a.cross(b).norm(), a.dot(b));

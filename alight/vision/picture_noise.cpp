@@ -11,7 +11,7 @@
 namespace alight {
 namespace {
 
-constexpr int kRows = 16, kColumns = 16;
+constexpr int kGrid = 16;   // rows, and columns
 constexpr int kAside = 3;   // px between neighbours: demosaicing blurs nearer ones;
 constexpr int kAlike = 4;   // to the next pixel but one under the same colour
 constexpr int kShift = 5;   // px by which the columns of a row lie off those above
@@ -45,12 +45,12 @@ PictureNoise noise_of(const ImageView& picture) {
   constexpr int channels = kChannels;
   constexpr int kApart = kMosaic ? kAlike : kAside;
   const int room = std::max(picture.width - kApart, 1);
-  std::array<int, kColumns> first;  // column of each, in the first row
-  for (int j = 0; j < kColumns; ++j) {
-    first[static_cast<std::size_t>(j)] = (2 * j + 1) * room / (2 * kColumns);
+  std::array<int, kGrid> first;  // column of each, in the first row
+  for (int j = 0; j < kGrid; ++j) {
+    first[static_cast<std::size_t>(j)] = (2 * j + 1) * room / (2 * kGrid);
   }
-  for (int i = 0; i < kRows; ++i) {
-    const int v = (2 * i + 1) * picture.height / (2 * kRows);
+  for (int i = 0; i < kGrid; ++i) {
+    const int v = (2 * i + 1) * picture.height / (2 * kGrid);
     const std::uint8_t* row = picture.row(v);
     for (int u : first) {
       u += i * kShift;
@@ -69,7 +69,7 @@ PictureNoise noise_of(const ImageView& picture) {
       luminance_steps.add((step + kLuminanceStep / 2) / kLuminanceStep);
     }
   }
-  constexpr int n = kRows * kColumns;
+  constexpr int n = kGrid * kGrid;
   PictureNoise noise;
   noise.dark = grey.of(n);
   noise.grey_sd = kSdPerMedian * grey_steps.of(n);

@@ -47,16 +47,18 @@ struct Pixels {
 };
 
 /// Luminance and whether a channel is at its upper end; under a mosaic its own colour.
+/// @param channels  Of the image; given as a constant, none is asked for pixel by
+/// pixel.
 template <Sees kSees>
-ALIGHT_INLINE void take(const std::uint8_t* p, const ImageView& image, int u, int v,
-                        std::size_t at, Pixels& out) {
+ALIGHT_INLINE void take(const std::uint8_t* p, int channels, Mosaic mosaic, int u,
+                        int v, std::size_t at, Pixels& out) {
   out.u[at] = static_cast<float>(u);
   out.v[at] = static_cast<float>(v);
   if constexpr (kSees == Sees::luminance) {
-    out.light[at] = luminance_of(p, image.channels);
-    out.full[at] = grey_of(p, image.channels) >= kCensored ? 1.f : 0.f;
+    out.light[at] = luminance_of(p, channels);
+    out.full[at] = grey_of(p, channels) >= kCensored ? 1.f : 0.f;
   } else {
-    const int channel = channel_at(image.mosaic, u, v);
+    const int channel = channel_at(mosaic, u, v);
     out.channel[at] = static_cast<std::uint8_t>(channel);
     out.light[at] = p[channel];
     out.full[at] = p[channel] >= kCensored ? 1.f : 0.f;
@@ -68,18 +70,14 @@ template <Sees kSees>
 ALIGHT_INLINE void take_row(const std::uint8_t* p, const ImageView& image, int u, int v,
                             int n, std::size_t at, Pixels& out) {
   constexpr int kColors = 3;
-  if (kSees == Sees::luminance && image.channels == kColors) {
-    for (int k = 0; k < n; ++k, ++at) {
-      const std::uint8_t* const q = p + kColors * k;
-      out.u[at] = static_cast<float>(u + k);
-      out.v[at] = static_cast<float>(v);
-      out.light[at] = luminance_of(q);
-      out.full[at] = grey_of(q, kColors) >= kCensored ? 1.f : 0.f;
+  if (image.channels == kColors) {
+    for (int k = 0; k < n; ++k) {
+      take<kSees>(p + kColors * k, kColors, image.mosaic, u + k, v, at++, out);
     }
-    return;
-  }
-  for (int k = 0; k < n; ++k) {
-    take<kSees>(p + k * image.channels, image, u + k, v, at++, out);
+  } else {
+    for (int k = 0; k < n; ++k) {
+      take<kSees>(p + k, 1, image.mosaic, u + k, v, at++, out);
+    }
   }
 }
 
@@ -153,7 +151,7 @@ bool gather(const ImageView& image, std::span<const LightSought> sought, double 
         continue;
       }
       for (int u = begin; u < row.end; ++u, p += channels) {
-        take<kSees>(p, image, u, v, count, out);
+        take<kSees>(p, channels, image.mosaic, u, v, count, out);
         bool own = true;
         for (const ForeignLight& light : foreign) own = own && !light.covers(u, v);
         count += own ? 1 : 0;

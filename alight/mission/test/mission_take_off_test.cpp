@@ -7,8 +7,7 @@ namespace {
 
 constexpr const char* kOffItsFeet =
     "it stands, but is seen higher or lower than its gear height: the camera's mount "
-    "or "
-    "the gear height is not as the rig file has it";
+    "or the gear height is not as the rig file has it";
 
 // Refused before it has left the ground; nothing but a disarm is ever ordered.
 struct Refusing {

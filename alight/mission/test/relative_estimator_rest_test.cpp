@@ -119,7 +119,6 @@ TEST(RelativeEstimator, AtRestEveryLedThatIsOffIsSeenInItsOwnLight) {
   }
 }
 
-// Four fit many ways to stand; what six have told is not given up for them.
 // Hand-built drones are off by 4 mm; taken for its neighbour, an LED there has one take
 // off by a rig that is none.
 TEST(RelativeEstimator, AtRestLedsThatAreOffByTwiceAsMuchAreNotTakenForOthers) {
@@ -136,6 +135,7 @@ TEST(RelativeEstimator, AtRestLedsThatAreOffByTwiceAsMuchAreNotTakenForOthers) {
   EXPECT_LE(others, 2);
 }
 
+// Four fit many ways to stand; what six have told is not given up for them.
 TEST(RelativeEstimator, AtRestAFewLedsLessChangeNothing) {
   for (unsigned seed = 1; seed <= 40; ++seed) {
     AtRest w(seed, RelativeEstimatorConfig{});
